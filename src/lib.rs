@@ -1,0 +1,44 @@
+//! Lodestone watches folders for LAS/LAZ point clouds and turns each into a
+//! level-of-detail octree that existing viewers read, exact to the last point.
+//!
+//! # The floor plan
+//!
+//! The modules below stand in import order: a room imports only from rooms
+//! above it, and `tests/floor_plan.rs` reads every `use crate::` to hold them
+//! to this. The way of a point cloud through the house:
+//!
+//! ```text
+//! watch ──▶ store ──▶ engine ──▶ survey ──▶ distribute ──▶ index ──▶ merge ──▶ publish
+//! ```
+//!
+//! A stage is a plain synchronous function from one value to the next, parallel
+//! inside; it knows nothing of SQLite, HTTP or async. The engine conducts.
+
+// Pure rooms: no files, no clock, no threads of their own.
+pub mod cloud;
+pub mod job;
+pub mod lod;
+
+// The ground: what touches the machine, so that tests can make it fail.
+pub mod clock;
+pub mod disk;
+pub mod metrics;
+
+// Bytes of other people's formats.
+pub mod format;
+
+// Work on whole clouds.
+pub mod stage;
+pub mod synth;
+pub mod verify;
+
+// The durable half.
+pub mod config;
+pub mod engine;
+pub mod store;
+pub mod watch;
+pub mod web;
+
+// What a person touches.
+pub mod cli;
+pub mod daemon;

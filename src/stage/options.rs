@@ -1,0 +1,38 @@
+//! The options of a conversion: what changes the octree's bytes.
+
+use serde::{Deserialize, Serialize};
+
+/// How a node's sample is chosen from its children's points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampling {
+    /// No two points of an inner node closer than its spacing.
+    #[default]
+    Poisson,
+    /// One point a cell of a 128³ grid, after Kang et al.
+    Random,
+}
+
+/// How points are stored in octree.bin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum Encoding {
+    /// Records one behind the other.
+    #[default]
+    #[value(alias = "UNCOMPRESSED")]
+    Default,
+    /// One brotli stream a node.
+    Brotli,
+}
+
+/// What changes the octree's bytes. Threads, memory and folders do not.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Options {
+    pub sampling: Sampling,
+    pub encoding: Encoding,
+    /// Attributes to keep by name; all where empty. `position` always stays.
+    pub attributes: Vec<String>,
+    /// The octree's name in its metadata; where none is given, from the input.
+    pub name: Option<String>,
+}
