@@ -174,6 +174,8 @@ pub struct Unified {
     pub schema: Schema,
     /// Names that were left out because no record uses them.
     pub unused: Vec<String>,
+    /// Names that were left out because others were asked for.
+    pub left_out: Vec<String>,
     movers: Vec<Mover>,
 }
 
@@ -194,26 +196,25 @@ impl Unified {
             }
             places.push(of_source);
         }
-        let keep = |(attribute, used): &(Attribute, bool)| {
-            *used && (wanted.is_empty() || wanted.iter().any(|w| w.eq_ignore_ascii_case(&attribute.name)))
-        };
+        let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w.eq_ignore_ascii_case(name));
         let mut schema = Schema { attributes: vec![position()] };
-        let mut unused = Vec::new();
+        let (mut unused, mut left_out) = (Vec::new(), Vec::new());
         let mut at = schema.record_size();
         let mut offsets = vec![None; merged.len()];
-        for (rank, index) in viewing_order(&merged).into_iter().enumerate() {
-            debug_assert!(rank < merged.len());
-            let entry = &merged[index];
-            if keep(entry) {
+        for index in viewing_order(&merged) {
+            let (attribute, used) = &merged[index];
+            if !used {
+                unused.push(attribute.name.clone());
+            } else if !wants(&attribute.name) {
+                left_out.push(attribute.name.clone());
+            } else {
                 offsets[index] = Some(at);
-                at += entry.0.size();
-                schema.attributes.push(entry.0.clone());
-            } else if !entry.1 {
-                unused.push(entry.0.name.clone());
+                at += attribute.size();
+                schema.attributes.push(attribute.clone());
             }
         }
         let movers = places.iter().map(|p| Mover::new(p, &offsets)).collect();
-        Unified { schema, unused, movers }
+        Unified { schema, unused, left_out, movers }
     }
 
     /// How to move the fields of a source's records.
@@ -260,7 +261,7 @@ fn same_values(a: &Attribute, b: &Attribute) -> bool {
 /// Standard attributes in the order viewers list them, then the others in the
 /// order in which they were met.
 fn viewing_order(merged: &[(Attribute, bool)]) -> Vec<usize> {
-    const ORDER: [&str; 23] = [
+    const ORDER: [&str; 22] = [
         "intensity",
         "return number",
         "number of returns",
@@ -283,7 +284,6 @@ fn viewing_order(merged: &[(Attribute, bool)]) -> Vec<usize> {
         "x(t)",
         "y(t)",
         "z(t)",
-        "",
     ];
     let mut order: Vec<usize> = (0..merged.len()).collect();
     order.sort_by_key(|i| ORDER.iter().position(|name| *name == merged[*i].0.name).unwrap_or(ORDER.len()));

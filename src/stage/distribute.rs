@@ -52,32 +52,38 @@ pub fn distribute(survey: &Survey, context: &Context) -> Result<Runs> {
     let scratch = if survey.in_core { None } else { Some(Arc::new(create_scratch(survey, context)?)) };
     let starts = run_starts(survey);
     let made: Vec<Mutex<Option<(Run, Vec<u32>)>>> = survey.units.iter().map(|_| Mutex::new(None)).collect();
-    workers::in_order(context.threads, survey.units.len(), &context.cancel, Bucketer::default, |state, i| {
-        let unit = &survey.units[i];
-        let input = &survey.inputs[unit.input];
-        let kept = unit.kept.lock().unwrap_or_else(|e| e.into_inner()).take();
-        let records = match kept {
-            Some(records) => records,
-            None => {
-                let mut buffer = std::mem::take(&mut state.slice);
-                input.las.read(unit.slice, &mut buffer)?;
-                buffer
-            }
-        };
-        let counts = state.bucket(survey, unit.input, &records)?;
-        let place = match &scratch {
-            None => Place::Memory(std::mem::replace(&mut state.run, records)),
-            Some(file) => {
-                file.write_all_at(&state.run, starts[i])?;
-                state.slice = records;
-                Place::Scratch(starts[i])
-            }
-        };
-        let run = Run { input: unit.input, place };
-        *made[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((run, counts));
-        context.progress.advance(u64::from(unit.slice.points));
-        Ok(())
-    })?;
+    workers::in_order(
+        context.threads,
+        survey.units.len(),
+        &context.cancel,
+        Bucketer::default,
+        |state, i| {
+            let unit = &survey.units[i];
+            let input = &survey.inputs[unit.input];
+            let kept = unit.kept.lock().unwrap_or_else(|e| e.into_inner()).take();
+            let records = match kept {
+                Some(records) => records,
+                None => {
+                    let mut buffer = std::mem::take(&mut state.slice);
+                    input.las.read(unit.slice, &mut buffer)?;
+                    buffer
+                }
+            };
+            let counts = state.bucket(survey, unit.input, &records)?;
+            let place = match &scratch {
+                None => Place::Memory(std::mem::replace(&mut state.run, records)),
+                Some(file) => {
+                    file.write_all_at(&state.run, starts[i])?;
+                    state.slice = records;
+                    Place::Scratch(starts[i])
+                }
+            };
+            let run = Run { input: unit.input, place };
+            *made[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((run, counts));
+            context.progress.advance(u64::from(unit.slice.points));
+            Ok(())
+        },
+    )?;
     for input in &survey.inputs {
         input.las.check_unchanged()?;
     }
@@ -99,11 +105,8 @@ fn run_starts(survey: &Survey) -> Vec<u64> {
 }
 
 fn create_scratch(survey: &Survey, context: &Context) -> Result<DiskFile> {
-    let needed: u64 = survey
-        .inputs
-        .iter()
-        .map(|i| i.las.header().points * i.source.record_length as u64)
-        .sum();
+    let needed: u64 =
+        survey.inputs.iter().map(|i| i.las.header().points * i.source.record_length as u64).sum();
     let free = context.disk.free_space(&context.scratch)?;
     if free < needed {
         return Err(StageError::NoRoom { folder: context.scratch.clone(), needed, free });

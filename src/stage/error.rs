@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::disk::DiskError;
+use crate::format::inputs::InputsError;
 use crate::format::las::LasError;
 
 #[derive(Debug, thiserror::Error)]
@@ -11,8 +12,10 @@ pub enum StageError {
     Las(#[from] LasError),
     #[error(transparent)]
     Disk(#[from] DiskError),
-    #[error("there is no LAS or LAZ file in {0}; name files, or a folder that holds some")]
-    NoInputs(String),
+    #[error(transparent)]
+    Inputs(#[from] InputsError),
+    #[error("no input was named; name LAS or LAZ files, or a folder that holds some")]
+    NoInputs,
     #[error("{0} holds no points, so there is nothing to convert")]
     NoPoints(String),
     #[error("{} changed while it was read; let the copy finish and try again", .0.display())]
@@ -49,7 +52,8 @@ impl StageError {
             StageError::Disk(error) => error.may_pass(),
             StageError::InputChanged(_) | StageError::NoRoom { .. } | StageError::Cancelled => true,
             StageError::Las(error) => error.may_pass(),
-            StageError::NoInputs(_)
+            StageError::Inputs(_)
+            | StageError::NoInputs
             | StageError::NoPoints(_)
             | StageError::OutputExists(_)
             | StageError::UnknownAttribute { .. }

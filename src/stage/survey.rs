@@ -102,9 +102,11 @@ pub fn survey(paths: &[PathBuf], options: &Options, context: &Context) -> Result
 
     let ored: Vec<(Source, Vec<u8>)> =
         sources.iter().cloned().zip(found.into_iter().map(|f| f.ored)).collect();
-    let unified = Unified::new(&ored, &options.attributes);
-    check_wanted(options, &ored, &unified)?;
+    let mut unified = Unified::new(&ored, &options.attributes);
+    check_wanted(options, &unified)?;
     let Counting { lattice, requantise, cube, census } = counting;
+    let position = &mut unified.schema.attributes[0];
+    (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
     let projection = projection(&files, &mut notes);
     let inputs = files
         .into_iter()
@@ -119,11 +121,17 @@ pub fn survey(paths: &[PathBuf], options: &Options, context: &Context) -> Result
 /// Opens all files; those without points are left out.
 fn open_all(paths: &[PathBuf], context: &Context) -> Result<(Vec<LasFile>, Vec<String>)> {
     let opened: Vec<Mutex<Option<LasFile>>> = paths.iter().map(|_| Mutex::new(None)).collect();
-    workers::in_order(context.threads, paths.len(), &context.cancel, || (), |(), i| {
-        let file = LasFile::open(&paths[i])?;
-        *opened[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(file);
-        Ok(())
-    })?;
+    workers::in_order(
+        context.threads,
+        paths.len(),
+        &context.cancel,
+        || (),
+        |(), i| {
+            let file = LasFile::open(&paths[i])?;
+            *opened[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(file);
+            Ok(())
+        },
+    )?;
     let mut notes = Vec::new();
     let mut files = Vec::new();
     for file in opened.into_iter().filter_map(|f| f.into_inner().ok().flatten()) {
@@ -180,7 +188,7 @@ struct Counting {
 
 impl Counting {
     fn new(grids: &[SourceGrid], points: u64) -> Counting {
-        let (lattice, requantise) = lattice::choose(grids, potree::viewer_may_misread);
+        let (lattice, requantise) = lattice::choose(grids, potree::morton::viewer_may_misread);
         let cube = Cube::around(&lattice);
         let (min, max) = (cube.tree(lattice.min), cube.tree(lattice.max));
         let census = Census::new(cube.bits, min, max, plan::census_cells(points));
@@ -243,7 +251,9 @@ impl Counter<'_> {
 
     fn count_again(&mut self, counting: &Counting) -> Result<()> {
         self.passes += 1;
-        self.context.progress.begin(Stage::Survey, self.units.iter().map(|u| u64::from(u.slice.points)).sum());
+        self.context
+            .progress
+            .begin(Stage::Survey, self.units.iter().map(|u| u64::from(u.slice.points)).sum());
         self.each_unit(|unit, records| {
             let las = &self.files[unit.input];
             let requantise = &counting.requantise[unit.input];
@@ -340,14 +350,11 @@ fn projection(files: &[LasFile], notes: &mut Vec<String>) -> String {
 }
 
 /// A name that was asked for must exist somewhere, used or not.
-fn check_wanted(options: &Options, sources: &[(Source, Vec<u8>)], unified: &Unified) -> Result<()> {
-    let kept = &unified.schema.attributes;
-    let all = Unified::new(sources, &[]);
-    let mut known: Vec<&str> = all.schema.attributes.iter().map(|a| a.name.as_str()).collect();
-    known.extend(all.unused.iter().map(String::as_str));
+fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
+    let kept = unified.schema.attributes.iter().map(|a| &a.name);
+    let known: Vec<&str> = kept.chain(&unified.unused).chain(&unified.left_out).map(String::as_str).collect();
     for wanted in &options.attributes {
-        let is = |name: &str| name.eq_ignore_ascii_case(wanted);
-        if !kept.iter().any(|a| is(&a.name)) && !known.iter().any(|name| is(name)) {
+        if !known.iter().any(|name| name.eq_ignore_ascii_case(wanted)) {
             return Err(StageError::UnknownAttribute { wanted: wanted.clone(), known: known.join(", ") });
         }
     }
