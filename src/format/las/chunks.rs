@@ -47,6 +47,20 @@ pub enum Chunking {
     Variable,
 }
 
+/// Why a readable table does not go with the rest of the file.
+enum Trouble {
+    /// It is the table that is wrong; there are other ways to the points.
+    Table(String),
+    /// It is right, and the header's count is not.
+    Header(String),
+}
+
+impl From<String> for Trouble {
+    fn from(reason: String) -> Trouble {
+        Trouble::Table(reason)
+    }
+}
+
 /// A table that was read, or why it cannot be.
 enum Table {
     Good(Vec<(u64, u64)>),
@@ -96,7 +110,8 @@ impl Locator<'_> {
         let reason = match self.table(notes)? {
             Table::Good(entries) => match self.from_table(&entries, notes) {
                 Ok(found) => return Ok(found),
-                Err(reason) => reason,
+                Err(Trouble::Header(reason)) => return Err(LasError::header(path, reason)),
+                Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
             Table::Beyond => return Err(self.cut(said)?),
@@ -171,9 +186,12 @@ impl Locator<'_> {
         Ok(i64::from_le_bytes(bytes))
     }
 
-    /// Gives every chunk its points. `Err` where the table does not go with the
-    /// header's count.
-    fn from_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), String> {
+    /// Gives every chunk of the table its points.
+    fn from_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), Trouble> {
+        let said = self.claims.said();
+        if entries.is_empty() && said > 0 {
+            return Err(Trouble::Table(format!("its chunk table is empty, its header says {said} points")));
+        }
         let mut chunks = Vec::with_capacity(entries.len());
         let (mut first, mut at) = (0u64, self.start + 8);
         for (points, bytes) in entries {
@@ -182,65 +200,61 @@ impl Locator<'_> {
                 _ => *points,
             };
             chunks.push(Chunk { first, points, at, bytes: *bytes });
-            first = first.checked_add(points).ok_or("its chunk table promises too many points")?;
+            first = first
+                .checked_add(points)
+                .ok_or_else(|| "its chunk table promises too many points".to_string())?;
             at += bytes;
         }
-        let points = match self.chunking {
-            Chunking::Fixed(each) => self.last_of_fixed(&mut chunks, u64::from(each))?,
+        let points = match (self.chunking, chunks.last_mut()) {
+            (Chunking::Fixed(each), Some(last)) => {
+                last.points = self.last_of_fixed(*last, u64::from(each))?;
+                last.first + last.points
+            }
             _ => first,
         };
         if points > self.most() {
-            return Err(format!("its chunk table promises {points} points, more than its bytes can hold"));
+            return Err(Trouble::Table(format!(
+                "its chunk table promises {points} points, more than its bytes can hold"
+            )));
         }
         chunks.retain(|chunk| chunk.points > 0);
-        if self.claims.said() != points && !self.claims.candidates().any(|count| count == points) {
+        if !self.claims.candidates().any(|count| count == points) && points != said {
             notes.push(format!(
-                "its header says {} points, its chunks hold {points}; all of them are read",
-                self.claims.said()
+                "its header says {said} points, its chunks hold {points}; all of them are read"
             ));
         }
         Ok((Layout::Chunks(chunks), points))
     }
 
     /// In a file with chunks of one size, the last one is shorter and the table
-    /// does not say how much: layered chunks say it themselves, of others it
+    /// does not say by how much: a layered chunk says it itself, of any other it
     /// has to be what the header's count leaves.
-    fn last_of_fixed(&self, chunks: &mut [Chunk], each: u64) -> Result<u64, String> {
-        let Some(last) = chunks.last_mut() else {
-            return match self.claims.said() {
-                0 => Ok(0),
-                said => Err(format!("its chunk table is empty, its header says {said} points")),
-            };
-        };
-        let before = last.first;
-        if self.coding.layered && last.bytes >= self.coding.layered_front() as u64 {
+    fn last_of_fixed(&self, last: Chunk, each: u64) -> Result<u64, Trouble> {
+        let (before, said) = (last.first, self.claims.said());
+        // Some writers close a chunk without a point in it.
+        if said == before && last.bytes < self.coding.record_length as u64 {
+            return Ok(0);
+        }
+        if self.coding.layered {
             let mut front = vec![0; self.coding.layered_front()];
+            if last.bytes < front.len() as u64 {
+                return Err(Trouble::Table(format!("its last chunk has only {} bytes", last.bytes)));
+            }
             self.source.read_exact_at(&mut front, last.at).map_err(|e| e.to_string())?;
             let (points, _) = self.coding.layered_extent(&front);
             if points == 0 || points > each {
-                return Err(format!("its last chunk says that it has {points} points"));
+                return Err(Trouble::Table(format!("its last chunk says that it has {points} points")));
             }
-            last.points = points;
-            return Ok(before + points);
+            return Ok(points);
         }
-        let candidate = self.claims.candidates().find(|count| *count > before && *count <= before + each);
-        match candidate {
-            Some(points) => {
-                last.points = points - before;
-                Ok(points)
-            }
-            // A writer that closes a chunk without a point in it.
-            None if self.claims.said() == before => {
-                last.points = 0;
-                Ok(before)
-            }
-            None => Err(format!(
-                "its header says {} points, its chunk table goes with {} to {}",
-                self.claims.said(),
+        let found = self.claims.candidates().find(|count| *count > before && *count <= before + each);
+        found.map(|points| points - before).ok_or_else(|| {
+            Trouble::Header(format!(
+                "it says {said} points, but its LAZ chunks hold {} to {}",
                 before + 1,
                 before + each
-            )),
-        }
+            ))
+        })
     }
 
     /// What can be done when the table is missing or wrong.
@@ -267,13 +281,12 @@ impl Locator<'_> {
             return Ok((Layout::Chunks(chunks), points));
         }
         match self.chunking {
-            Chunking::Fixed(each) if said > 0 && !reason.starts_with("its header") => {
+            Chunking::Fixed(each) => {
                 notes.push(format!("{reason}; it can only be read from front to back"));
                 let layout =
                     Layout::Stream { start: self.start + 8, end: self.end, chunk_points: Some(each) };
                 Ok((layout, said))
             }
-            Chunking::Fixed(_) => Err(LasError::header(path, reason)),
             _ => Err(LasError::Damaged {
                 path: path.to_path_buf(),
                 place: "every chunk".to_string(),

@@ -32,3 +32,6 @@ pub fn record_length(point_format: u8) -> Option<usize> {
     const LENGTHS: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
     LENGTHS.get(usize::from(point_format)).copied()
 }
+
+#[cfg(test)]
+mod tests;
