@@ -1,18 +1,13 @@
 //! Where the chunks of a LAZ file lie: from its chunk table, which is checked
 //! against the file before it is believed; from the chunks themselves where
-//! there is none; and otherwise not at all, and the file is one stream.
-//!
-//! A writer to a pipe puts the table's place at the very end of the file, a
-//! writer that was stopped leaves no table, and LASzip 1 knew none.
+//! there is none; and otherwise not at all, and the file is one stream. A writer
+//! that was stopped leaves no table, and LASzip 1 knew none.
 
-use std::io::Cursor;
-
-use laz::laszip::ChunkTable;
-
-use super::LasError;
-use super::coding::{Coding, guard};
+use super::chunk_table::{self, Table};
+use super::coding::Coding;
 use super::count::Claims;
 use super::source::Source;
+use super::{LasError, stream};
 
 /// One chunk of points that can be decoded on its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,18 +56,9 @@ impl From<String> for Trouble {
     }
 }
 
-/// A table that was read, or why it cannot be.
-enum Table {
-    Good(Vec<(u64, u64)>),
-    /// There is none, or it is nonsense.
-    Bad(String),
-    /// It should lie behind the end of the file.
-    Beyond,
-}
-
+/// What is known of a LAZ file before its chunks are.
 pub struct Locator<'a> {
     pub source: &'a Source,
-
     pub coding: &'a Coding,
     pub chunking: Chunking,
     /// Where the points begin, and where they end at the latest.
@@ -107,8 +93,10 @@ impl Locator<'_> {
         if said == 0 && self.end < self.start + 8 {
             return Ok((Layout::Chunks(Vec::new()), 0));
         }
-        let reason = match self.table(notes)? {
-            Table::Good(entries) => match self.from_table(&entries, notes) {
+        let variable = self.chunking == Chunking::Variable;
+        let table = chunk_table::read(self.source, self.start, variable, self.coding.record_length, notes)?;
+        let reason = match table {
+            Table::Good(entries) => match self.with_table(&entries, notes) {
                 Ok(found) => return Ok(found),
                 Err(Trouble::Header(reason)) => return Err(LasError::header(path, reason)),
                 Err(Trouble::Table(reason)) => reason,
@@ -124,70 +112,8 @@ impl Locator<'_> {
         self.end.saturating_sub(self.start).saturating_mul(MOST_POINTS_A_BYTE)
     }
 
-    fn table(&self, notes: &mut Vec<String>) -> Result<Table, LasError> {
-        if self.start + 8 > self.source.bytes() {
-            return Ok(Table::Beyond);
-        }
-        let data_start = self.start + 8;
-        let mut at = self.integer_at(self.start)?;
-        if at <= self.start as i64 {
-            at = self.integer_at(self.source.bytes() - 8)?;
-            if at < data_start as i64 || at as u64 >= self.source.bytes() {
-                return Ok(Table::Bad("it has no chunk table".to_string()));
-            }
-            notes.push("its chunk table's place stands at its end: it was written to a pipe".to_string());
-        }
-        let at = at as u64;
-        if at + 8 > self.source.bytes() {
-            return Ok(Table::Beyond);
-        }
-        if at < data_start {
-            return Ok(Table::Bad("its chunk table should lie in front of its points".to_string()));
-        }
-        let room = at - data_start;
-        let mut front = [0; 8];
-        self.source.read_exact_at(&mut front, at)?;
-        let version = u32::from_le_bytes([front[0], front[1], front[2], front[3]]);
-        let count = u64::from(u32::from_le_bytes([front[4], front[5], front[6], front[7]]));
-        // Before `laz` makes room for them: every chunk begins with a record as
-        // it is, save one that may be empty.
-        if version != 0 || count > room / self.coding.record_length as u64 + 1 {
-            return Ok(Table::Bad(format!(
-                "its chunk table of version {version} with {count} chunks is nonsense"
-            )));
-        }
-        let length = (8 + 64 + 24 * count).min(self.source.bytes() - at);
-        let mut bytes = vec![0; length as usize];
-        self.source.read_exact_at(&mut bytes, at)?;
-        let variable = self.chunking == Chunking::Variable;
-        let table = match guard(|| ChunkTable::read(&mut Cursor::new(bytes.as_slice()), variable)) {
-            Ok(table) => table,
-            Err(reason) => return Ok(Table::Bad(format!("its chunk table cannot be read: {reason}"))),
-        };
-        let entries: Vec<(u64, u64)> = table.into_iter().map(|e| (e.point_count, e.byte_count)).collect();
-        let total = entries.iter().try_fold(0u64, |sum, (_, bytes)| sum.checked_add(*bytes));
-        match total {
-            Some(total) if total <= room => {
-                if total < room {
-                    notes.push(format!(
-                        "{} bytes between its chunks and their table belong to nothing",
-                        room - total
-                    ));
-                }
-                Ok(Table::Good(entries))
-            }
-            _ => Ok(Table::Bad("its chunk table promises more bytes than there are".to_string())),
-        }
-    }
-
-    fn integer_at(&self, at: u64) -> Result<i64, LasError> {
-        let mut bytes = [0; 8];
-        self.source.read_exact_at(&mut bytes, at)?;
-        Ok(i64::from_le_bytes(bytes))
-    }
-
     /// Gives every chunk of the table its points.
-    fn from_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), Trouble> {
+    fn with_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), Trouble> {
         let said = self.claims.said();
         if entries.is_empty() && said > 0 {
             return Err(Trouble::Table(format!("its chunk table is empty, its header says {said} points")));
@@ -323,7 +249,7 @@ impl Locator<'_> {
         let readable = if self.coding.layered {
             self.walk(said)?.last().map_or(0, |chunk| chunk.first + chunk.points)
         } else {
-            super::sequential::count_readable(self.source, self.coding, self.chunking, self.start + 8, said)
+            stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said)
         };
         Ok(LasError::Cut {
             path: self.source.path().to_path_buf(),

@@ -7,6 +7,7 @@
 //! spite of a lie is read, and [`Header::notes`] says so; what cannot is an
 //! error that says how much could be.
 
+mod chunk_table;
 mod chunks;
 mod coding;
 mod count;
@@ -15,8 +16,10 @@ mod error;
 mod extra_bytes;
 mod header;
 mod reader;
-mod sequential;
 mod source;
+mod stream;
+mod tally;
+mod turnstile;
 mod vlr;
 mod writer;
 
