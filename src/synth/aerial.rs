@@ -120,19 +120,21 @@ impl Pulse {
             let last = number == returns && returns > 1;
             let height = match number {
                 1 => top - depth * 0.12 * unit(dice),
+                // Of four pulses that come through one ends in the undergrowth.
+                _ if last && dice >> 50 & 3 == 0 => spot.ground + 0.1 + 0.35 * unit(dice),
                 _ if last => spot.ground,
                 _ => top - depth * (number as f64 - 0.5 + 0.6 * signed(dice)) / returns as f64,
             };
             let above = height - spot.ground;
             let class = match () {
-                () if last => 2,
+                () if above <= 0.0 => 2,
                 () if above < 0.5 => 3,
                 () if above < 2.5 => 4,
                 () => 5,
             };
             let light = 0.6 + 0.4 * (above / (top - spot.ground + 0.01)).clamp(0.0, 1.0);
             let green = [[52, 84, 38], [70, 96, 44], [38, 66, 40], [86, 104, 50]][(tree >> 9 & 3) as usize];
-            let rgb = paint(if last { [84, 88, 58] } else { green }, light, dice);
+            let rgb = paint(if class == 2 { [84, 88, 58] } else { green }, light, dice);
             let part = if returns > 1 { 0.75 / returns as f64 } else { 0.7 };
             out.push(self.point(height, number as u8, returns as u8, class, 0.5 * part, rgb, 0.8));
         }
@@ -147,7 +149,8 @@ impl Pulse {
             Cover::Field(n) => {
                 let crop =
                     [[150, 136, 84], [96, 128, 56], [122, 98, 70], [172, 160, 76]][(n >> 7 & 3) as usize];
-                let rows = if (super::noise::floor(self.x * 1.25) + (n & 1) as i64) & 1 == 0 { 1.04 } else { 0.94 };
+                let rows =
+                    if (super::noise::floor(self.x * 1.25) + (n & 1) as i64) & 1 == 0 { 1.04 } else { 0.94 };
                 (spot.ground + 0.05 * unit(d >> 3), 2, 0.38, paint(crop, rows, d), 0.6)
             }
             Cover::Road { marking: true } => (spot.ground, 11, 0.65, paint([214, 212, 206], 1.0, d), 0.3),

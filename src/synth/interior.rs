@@ -52,10 +52,12 @@ impl Building {
                 colour: [0; 3],
             };
             let (axis, range) = leave(&inner, eye, way);
-            let furniture = (0..PIECES).filter_map(|n| meet(&self.piece(room, n), eye, way)).fold(
-                None::<Hit>,
-                |best, hit| if best.is_some_and(|b| b.range <= hit.range) { best } else { Some(hit) },
-            );
+            let furniture =
+                (0..PIECES)
+                    .filter_map(|n| meet(&self.piece(room, n), eye, way))
+                    .fold(None::<Hit>, |best, hit| {
+                        if best.is_some_and(|b| b.range <= hit.range) { best } else { Some(hit) }
+                    });
             if let Some(hit) = furniture.filter(|hit| hit.range < range) {
                 return Some(hit);
             }

@@ -90,7 +90,7 @@ impl Land {
 
     /// Height of the bare ground, metres.
     pub fn ground(&self, x: f64, y: f64) -> f64 {
-        let hills = fractal(self.seed ^ HILLS, x, y, 900.0, 7, 0.45) * 34.0;
+        let hills = fractal(self.seed ^ HILLS, x, y, 900.0, 6, 0.45) * 34.0;
         if self.level == 0.0 {
             return hills.max(WATER);
         }

@@ -64,7 +64,11 @@ impl Point {
             out.extend_from_slice(&stored.to_le_bytes());
         }
         out.extend_from_slice(&self.intensity.to_le_bytes());
-        if format < 6 { self.encode_old(out) } else { self.encode_new(out) }
+        if format < 6 {
+            self.encode_old(out)
+        } else {
+            self.encode_new(out)
+        }
         if !matches!(format, 0 | 2) {
             out.extend_from_slice(&self.time.to_le_bytes());
         }

@@ -48,7 +48,12 @@ impl Tripod {
 
     /// Appends the points of one column. `cast` follows a ray; where it meets
     /// nothing, another direction is tried, in the end straight down.
-    pub fn column(&self, column: u64, cast: impl Fn([f64; 3], [f64; 3]) -> Option<Hit>, out: &mut Vec<Point>) {
+    pub fn column(
+        &self,
+        column: u64,
+        cast: impl Fn([f64; 3], [f64; 3]) -> Option<Hit>,
+        out: &mut Vec<Point>,
+    ) {
         const TRIES: i64 = 12;
         for row in 0..self.rows {
             let dice = hash(self.seed, (self.number * self.columns + column) as i64, row as i64);

@@ -90,7 +90,9 @@ impl Scene {
         let mut scene = Scene { recipe, parts: Vec::new(), tiles: Vec::new(), origin: [0.0; 3] };
         let Recipe { kind, points, seed, .. } = recipe;
         match kind {
-            Kind::Terrain | Kind::Duplicates => scene.aerial(0.01, Land::new(seed, 0.0), side_for(points, AERIAL)),
+            Kind::Terrain | Kind::Duplicates => {
+                scene.aerial(0.01, Land::new(seed, 0.0), side_for(points, AERIAL))
+            }
             Kind::Outliers => scene.aerial(0.01, Land::new(seed, 0.0), 400.0),
             Kind::Town => scene.town(),
             Kind::Strips => scene.strips(),

@@ -53,7 +53,8 @@ impl Shape {
 fn stone(seed: u64, dice: u64, radius: f64) -> Point {
     let way = direction(dice);
     let relief = |scale: f64, octave: u64| space(seed.wrapping_add(octave), way.map(|c| c * scale));
-    let bumps = 0.30 * relief(1.7, 1) + 0.10 * relief(4.1, 2) + 0.03 * relief(11.0, 3) + 0.008 * relief(37.0, 4);
+    let bumps =
+        0.30 * relief(1.7, 1) + 0.10 * relief(4.1, 2) + 0.03 * relief(11.0, 3) + 0.008 * relief(37.0, 4);
     let vein = relief(6.0, 5).abs();
     let colour = if vein < 0.06 { [206, 198, 184] } else { [136, 122, 108] };
     // Hollows are dark, as under a cloudy sky.

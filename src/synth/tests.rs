@@ -33,7 +33,20 @@ fn the_same_seed_gives_the_same_bytes_everywhere() {
     assert_eq!(found, PINNED, "\n{found}");
 }
 
-const PINNED: &str = "";
+const PINNED: &str = "\
+Terrain 70d4e91c098aa0d4
+Town d9dcb99b7c35df7d
+Interior 799b79257015c479
+Object c4e3ce5cad6d0e31
+Volume 88831f1d016c6729
+Duplicates a67e17b907da7d69
+Outliers b6e5352b2614821b
+Flat ca43ae29021cdf97
+Line f4a265dee09056ac
+Dot 37ddd315b403b813
+Strips 490cca05cd700207
+Far ae5f02336fa1af68
+";
 
 #[test]
 fn slices_do_not_depend_on_where_they_are_cut() {
@@ -59,9 +72,8 @@ fn slices_do_not_depend_on_where_they_are_cut() {
 #[test]
 fn seeds_and_sizes_make_other_clouds() {
     for kind in Kind::ALL {
-        let of = |points, seed| {
-            Scene::new(Recipe::new(kind, points, seed)).unwrap().slice(0, 500, 7).unwrap()
-        };
+        let of =
+            |points, seed| Scene::new(Recipe::new(kind, points, seed)).unwrap().slice(0, 500, 7).unwrap();
         assert!(of(1000, 1) != of(1000, 2), "{kind:?} ignores its seed");
     }
 }
