@@ -6,7 +6,7 @@
 //! its line, and fewer pulses follow, as in a scanner of fixed data rate.
 
 use super::land::{Cover, Land, Spot};
-use super::noise::{hash, round, signed, unit};
+use super::noise::{floor, hash, round, signed, unit};
 use super::point::{Point, paint};
 
 /// Metres from one strip's middle to the next one's.
@@ -105,16 +105,27 @@ struct Pulse {
     common: Point,
 }
 
+/// What a return came from.
+struct Target {
+    /// Metres above sea.
+    height: f64,
+    class: u8,
+    /// Shares of the light that comes back, at the laser's wavelength and in
+    /// the near infrared.
+    laser: f64,
+    infrared: f64,
+    rgb: [u16; 3],
+}
+
 impl Pulse {
     fn returns(&self, spot: Spot, room: u64, out: &mut Vec<Point>) -> u64 {
         let Cover::Crown { top, bottom, tree } = spot.cover else {
-            let (height, class, reflection, rgb, nir) = self.surface(spot);
-            out.push(self.point(height, 1, 1, class, reflection, rgb, nir));
+            out.push(self.point(self.surface(spot), 1, 1));
             return 1;
         };
         let depth = top - bottom;
         let through = self.dice >> 40 & 3; // of four pulses three reach the ground
-        let returns = (1 + through.min(1 + (depth > 3.0) as u64 + (tree & 1))).min(room);
+        let returns = (1 + through.min(1 + u64::from(depth > 3.0) + (tree & 1))).min(room);
         for number in 1..=returns {
             let dice = hash(self.dice, number as i64, 1);
             let last = number == returns && returns > 1;
@@ -125,71 +136,69 @@ impl Pulse {
                 _ if last => spot.ground,
                 _ => top - depth * (number as f64 - 0.5 + 0.6 * signed(dice)) / returns as f64,
             };
-            let above = height - spot.ground;
-            let class = match () {
-                () if above <= 0.0 => 2,
-                () if above < 0.5 => 3,
-                () if above < 2.5 => 4,
-                () => 5,
-            };
-            let light = 0.6 + 0.4 * (above / (top - spot.ground + 0.01)).clamp(0.0, 1.0);
-            let green = [[52, 84, 38], [70, 96, 44], [38, 66, 40], [86, 104, 50]][(tree >> 9 & 3) as usize];
-            let rgb = paint(if class == 2 { [84, 88, 58] } else { green }, light, dice);
-            let part = if returns > 1 { 0.75 / returns as f64 } else { 0.7 };
-            out.push(self.point(height, number as u8, returns as u8, class, 0.5 * part, rgb, 0.8));
+            let target = leaf(height, spot.ground, top, tree, returns, dice);
+            out.push(self.point(target, number as u8, returns as u8));
         }
         returns
     }
 
-    /// Height, class, reflectance, colour and near infrared of a hard target.
-    fn surface(&self, spot: Spot) -> (f64, u8, f64, [u16; 3], f64) {
+    fn surface(&self, spot: Spot) -> Target {
         let d = self.dice;
+        let ground =
+            |class, laser, infrared, rgb| Target { height: spot.ground, class, laser, infrared, rgb };
         match spot.cover {
-            Cover::Grass => (spot.ground, 2, 0.42, paint([104, 122, 66], 1.0, d), 0.7),
-            Cover::Field(n) => {
-                let crop =
-                    [[150, 136, 84], [96, 128, 56], [122, 98, 70], [172, 160, 76]][(n >> 7 & 3) as usize];
-                let rows =
-                    if (super::noise::floor(self.x * 1.25) + (n & 1) as i64) & 1 == 0 { 1.04 } else { 0.94 };
-                (spot.ground + 0.05 * unit(d >> 3), 2, 0.38, paint(crop, rows, d), 0.6)
+            Cover::Grass => ground(2, 0.42, 0.7, paint([104, 122, 66], 1.0, d)),
+            Cover::Field(field) => {
+                let crops = [[150, 136, 84], [96, 128, 56], [122, 98, 70], [172, 160, 76]];
+                let row = floor(self.x * 1.25) + (field & 1) as i64;
+                let light = if row & 1 == 0 { 1.04 } else { 0.94 };
+                let crop = ground(2, 0.38, 0.6, paint(crops[(field >> 7 & 3) as usize], light, d));
+                Target { height: spot.ground + 0.05 * unit(d >> 3), ..crop }
             }
-            Cover::Road { marking: true } => (spot.ground, 11, 0.65, paint([214, 212, 206], 1.0, d), 0.3),
-            Cover::Road { marking: false } => (spot.ground, 11, 0.13, paint([92, 91, 93], 1.0, d), 0.15),
-            Cover::Water => (spot.ground, 9, 0.05, paint([42, 62, 74], 1.0, d), 0.05),
+            Cover::Road { marking: true } => ground(11, 0.65, 0.3, paint([214, 212, 206], 1.0, d)),
+            Cover::Road { marking: false } => ground(11, 0.13, 0.15, paint([92, 91, 93], 1.0, d)),
+            Cover::Water => ground(9, 0.05, 0.05, paint([42, 62, 74], 1.0, d)),
             Cover::Roof { top, light, house } => {
-                let tiles =
-                    [[158, 84, 62], [136, 72, 58], [98, 96, 100], [172, 104, 76]][(house >> 11 & 3) as usize];
-                (top, 6, 0.33, paint(tiles, light, d), 0.25)
+                let tiles = [[158, 84, 62], [136, 72, 58], [98, 96, 100], [172, 104, 76]];
+                let rgb = paint(tiles[(house >> 11 & 3) as usize], light, d);
+                Target { height: top, ..ground(6, 0.33, 0.25, rgb) }
             }
-            Cover::Crown { top, .. } => (top, 5, 0.4, paint([60, 90, 40], 1.0, d), 0.8),
+            Cover::Crown { top, tree, .. } => leaf(top, spot.ground, top, tree, 1, d),
         }
     }
 
-    #[allow(clippy::too_many_arguments, reason = "a return is that many numbers")]
-    fn point(
-        &self,
-        height: f64,
-        number: u8,
-        returns: u8,
-        class: u8,
-        reflection: f64,
-        rgb: [u16; 3],
-        nir: f64,
-    ) -> Point {
+    fn point(&self, target: Target, number: u8, returns: u8) -> Point {
         let dice = hash(self.dice, i64::from(number), 2);
         // Two centimetres of ranging noise; a triangle is near enough a bell.
         let noise = 0.02 * (unit(dice) + unit(dice.rotate_left(32)) - 1.0);
         let slant = 1.0 - 0.12 * f64::from(self.common.angle).abs() / VIEW;
         let grain = 0.85 + 0.3 * unit(dice.rotate_left(11));
         Point {
-            place: [self.x, self.y, height + noise],
-            intensity: (reflection * slant * grain * 52_000.0) as u16,
+            place: [self.x, self.y, target.height + noise],
+            intensity: (target.laser * slant * grain * 52_000.0) as u16,
             return_number: number,
             returns,
-            class,
-            rgb,
-            nir: (nir * grain * 48_000.0) as u16,
+            class: target.class,
+            rgb: target.rgb,
+            nir: (target.infrared * grain * 48_000.0) as u16,
             ..self.common
         }
     }
+}
+
+/// A return from a tree, or from what lies below it.
+fn leaf(height: f64, ground: f64, top: f64, tree: u64, returns: u64, dice: u64) -> Target {
+    let above = height - ground;
+    let class = match () {
+        () if above <= 0.0 => 2,
+        () if above < 0.5 => 3,
+        () if above < 2.5 => 4,
+        () => 5,
+    };
+    let greens = [[52, 84, 38], [70, 96, 44], [38, 66, 40], [86, 104, 50]];
+    let base = if class == 2 { [84, 88, 58] } else { greens[(tree >> 9 & 3) as usize] };
+    let light = 0.6 + 0.4 * (above / (top - ground + 0.01)).clamp(0.0, 1.0);
+    // What the first return took is not left for the last.
+    let part = if returns > 1 { 0.75 / returns as f64 } else { 0.7 };
+    Target { height, class, laser: 0.5 * part, infrared: 0.8, rgb: paint(base, light, dice) }
 }

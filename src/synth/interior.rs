@@ -52,12 +52,7 @@ impl Building {
                 colour: [0; 3],
             };
             let (axis, range) = leave(&inner, eye, way);
-            let furniture =
-                (0..PIECES)
-                    .filter_map(|n| meet(&self.piece(room, n), eye, way))
-                    .fold(None::<Hit>, |best, hit| {
-                        if best.is_some_and(|b| b.range <= hit.range) { best } else { Some(hit) }
-                    });
+            let furniture = (0..PIECES).filter_map(|n| meet(&self.piece(room, n), eye, way)).reduce(nearer);
             if let Some(hit) = furniture.filter(|hit| hit.range < range) {
                 return Some(hit);
             }
@@ -134,6 +129,10 @@ fn leave(inner: &Box3, eye: [f64; 3], way: [f64; 3]) -> (usize, f64) {
         }
     }
     first
+}
+
+fn nearer(one: Hit, other: Hit) -> Hit {
+    if other.range < one.range { other } else { one }
 }
 
 /// Where a ray from outside meets a box.

@@ -216,8 +216,8 @@ mod tests {
                 seen += 1;
                 let reach = (house.half[0] * house.half[0] + house.half[1] * house.half[1]).sqrt();
                 let middle = [(i as f64 + 0.5) * PARCEL, (j as f64 + 0.5) * PARCEL];
-                for axis in 0..2 {
-                    let off = (house.centre[axis] - middle[axis]).abs() + reach;
+                for (centre, middle) in house.centre.iter().zip(middle) {
+                    let off = (centre - middle).abs() + reach;
                     assert!(off < PARCEL / 2.0 - ROAD, "parcel {i} {j}: {off}");
                 }
             }

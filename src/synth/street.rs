@@ -23,7 +23,7 @@ pub fn cast(land: &Land, eye: [f64; 3], way: [f64; 3]) -> Option<Hit> {
 
 fn pavement(eye: [f64; 3], way: [f64; 3], range: f64) -> Hit {
     let slab = [0, 1].map(|axis| floor((eye[axis] + way[axis] * range) * 1.6));
-    let dark = slab[0] + slab[1] & 1 == 0;
+    let dark = (slab[0] ^ slab[1]) & 1 == 0;
     let colour = if dark { [118, 116, 112] } else { [132, 130, 124] };
     Hit { range, slope: way[2], class: 2, colour, reflectance: 0.28 }
 }
