@@ -49,6 +49,12 @@ impl Source {
         Ok(Source { file, path: path.to_path_buf(), opened: Identity::of(&metadata) })
     }
 
+    /// A second handle on the same file.
+    pub fn reopen(&self) -> Result<Source, LasError> {
+        let file = self.file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?;
+        Ok(Source { file, path: self.path.clone(), opened: self.opened })
+    }
+
     pub fn path(&self) -> &Path {
         &self.path
     }
