@@ -157,11 +157,20 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} ({})", self.octree.display(), if self.name.is_empty() { "no name" } else { &self.name })?;
+        writeln!(
+            f,
+            "{} ({})",
+            self.octree.display(),
+            if self.name.is_empty() { "no name" } else { &self.name }
+        )?;
         let (points, nodes) = (grouped(self.points), grouped(self.nodes));
         let levels = self.depth + 1;
         let bytes = grouped(self.bytes);
-        writeln!(f, "{points} points in {nodes} nodes on {levels} levels, {} in {bytes} bytes", self.encoding)?;
+        writeln!(
+            f,
+            "{points} points in {nodes} nodes on {levels} levels, {} in {bytes} bytes",
+            self.encoding
+        )?;
         write_checks(f, &self.checks)?;
         if let Some(against) = &self.against {
             let (files, points) = (grouped(against.files), grouped(against.points));

@@ -97,7 +97,9 @@ pub fn bytes(octree: &Octree) -> Check {
     for (index, node) in octree.nodes.iter().enumerate() {
         let Node { name, points, offset, size, .. } = *node;
         if !octree.is_readable(node) {
-            wrong.add(index, || format!("{name}: {points} points cannot be bytes {offset} to {offset} + {size}"));
+            wrong.add(index, || {
+                format!("{name}: {points} points cannot be bytes {offset} to {offset} + {size}")
+            });
         } else if size > 0 {
             ranges.push((offset, offset + size, index));
         }

@@ -25,7 +25,8 @@ impl Tally {
         let record_size = schema.record_size();
         let mut start = 0;
         for (attribute, column) in schema.attributes.iter().zip(&mut self.columns) {
-            let values = records.chunks_exact(record_size).map(|record| &record[start..start + attribute.size()]);
+            let values =
+                records.chunks_exact(record_size).map(|record| &record[start..start + attribute.size()]);
             add_column(attribute, column, values);
             start += attribute.size();
         }

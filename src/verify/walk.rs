@@ -149,7 +149,8 @@ fn hold_to_rule(
         (Rule::Grid, Some(exponent)) => {
             let count = spacing::crowded_cells(sample, corner, exponent);
             if count > 0 {
-                crowded.add_many(count, index, || format!("{name}: {count} points share a cell with another"));
+                crowded
+                    .add_many(count, index, || format!("{name}: {count} points share a cell with another"));
             }
         }
         (Rule::Poisson, exponent) => {
@@ -160,7 +161,10 @@ fn hold_to_rule(
                 let closest = found.closest * unit;
                 let [a, b] = found.example;
                 crowded.add_many(found.pairs, index, || {
-                    format!("{name}: {} pairs, closest {closest:.6} < {spacing:.6} ({a:?}, {b:?})", found.pairs)
+                    format!(
+                        "{name}: {} pairs, closest {closest:.6} < {spacing:.6} ({a:?}, {b:?})",
+                        found.pairs
+                    )
                 });
             }
         }
@@ -208,9 +212,13 @@ impl Walk {
     fn spacing_check(&self, octree: &Octree) -> Check {
         let (nodes, points) = (grouped(self.inner.0), grouped(self.inner.1));
         let (fine, wrong) = match rule_of(octree) {
-            Rule::Poisson => ("no two points closer than the spacing", "pairs of points closer than the spacing"),
+            Rule::Poisson => {
+                ("no two points closer than the spacing", "pairs of points closer than the spacing")
+            }
             Rule::Grid => ("one point a cell", "points that share a cell of the 128³ grid"),
-            Rule::None => return Check::skipped("spacing", "the octree's sampling has no rule that is known here"),
+            Rule::None => {
+                return Check::skipped("spacing", "the octree's sampling has no rule that is known here");
+            }
         };
         let fine = format!("{fine} in {nodes} inner nodes with {points} points");
         Check::of("spacing", self.crowded.clone(), fine, wrong)
