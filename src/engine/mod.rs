@@ -1,1 +1,3 @@
-//! (being built)
+//! The engine: decides what is done next, and conducts it.
+
+pub mod conduct;
