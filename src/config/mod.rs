@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::job::verdict::Policy;
+use crate::stage::machine;
 use crate::stage::options::{Encoding, Options, Sampling};
 use size::Size;
 
@@ -203,14 +204,14 @@ impl Config {
             threads: match layer.threads {
                 Some(0) => return Err(wrong("threads", "at least one thread is needed")),
                 Some(threads) => threads,
-                None => std::thread::available_parallelism().map_or(1, usize::from),
+                None => machine::threads(),
             },
             memory_limit: match layer.memory_limit {
                 Some(Size(bytes)) if bytes < 128 << 20 => {
                     return Err(wrong("memory_limit", "a conversion needs at least 128M"));
                 }
                 Some(Size(bytes)) => bytes,
-                None => (available_memory() / 2).max(128 << 20),
+                None => (machine::memory() / 2).max(256 << 20),
             },
             disk_reserve: layer.disk_reserve.unwrap_or(Size(256 << 20)).0,
             policy: Policy {
@@ -281,17 +282,6 @@ fn is_loopback(address: IpAddr) -> bool {
         IpAddr::V4(v4) => v4.is_loopback(),
         IpAddr::V6(v6) => v6.is_loopback() || v6.to_ipv4_mapped().is_some_and(|v4| v4.is_loopback()),
     }
-}
-
-/// The memory this process may use: the machine's, or its control group's where
-/// that is less (a container sees the host's figure otherwise).
-fn available_memory() -> u64 {
-    let info = rustix::system::sysinfo();
-    let machine = info.totalram as u64 * u64::from(info.mem_unit.max(1));
-    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"]
-        .iter()
-        .find_map(|path| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok());
-    group.map_or(machine, |limit| machine.min(limit))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use super::conduct::{self, Request};
 use crate::stage::context::Context;
 use crate::stage::options::Options;
 
@@ -45,8 +46,25 @@ pub trait Converter: Send + Sync + 'static {
 pub struct Conduct;
 
 impl Converter for Conduct {
-    fn convert(&self, work: &Work, _context: &Context) -> Result<Report, Failure> {
-        let message = format!("{:?}: conversion is not built into this version", work.inputs);
-        Err(Failure { message, may_pass: false, panicked: false })
+    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+        let request = Request {
+            inputs: work.inputs.clone(),
+            output: work.output.clone(),
+            // What an earlier attempt may have left.
+            overwrite: true,
+            options: work.options.clone(),
+        };
+        let outcome = conduct::convert(&request, context).map_err(|error| Failure {
+            may_pass: error.retry_can_help(),
+            message: error.to_string(),
+            panicked: false,
+        })?;
+        Ok(Report {
+            points_in: outcome.points_in,
+            points_out: outcome.points_out,
+            points_set_aside: outcome.points_set_aside,
+            output_bytes: outcome.output_bytes,
+            json: serde_json::to_value(&outcome).unwrap_or_default(),
+        })
     }
 }

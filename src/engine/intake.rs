@@ -40,13 +40,8 @@ pub async fn take_in(store: &Store, found: Found, base: &Options, now: Millis) -
     Ok(Taken::In { path, stamp, admission })
 }
 
-fn arrival(found: Found, mut options: Options) -> Option<Arrival> {
+fn arrival(found: Found, options: Options) -> Option<Arrival> {
     let print = fingerprint(&found, &options)?;
-    // One file lends its own name; of many tiles none can speak for all. This
-    // comes after the fingerprint: the same tiles in another folder are the same.
-    if found.is_folder && options.name.is_none() {
-        options.name = Some(found.name.clone());
-    }
     Some(Arrival {
         kind: if found.is_folder { Kind::Folder } else { Kind::File },
         priority: found.marker.as_ref().map_or(0, |marker| marker.priority),

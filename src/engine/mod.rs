@@ -5,6 +5,7 @@
 //! long as it takes; the engine only starts it, watches its progress, and records
 //! its end. Whatever a conversion does, be it a panic, the engine goes on.
 
+pub mod conduct;
 pub mod converter;
 pub mod intake;
 pub mod janitor;
@@ -25,6 +26,7 @@ use crate::job::verdict::End;
 use crate::job::{Event, Job, JobId, Wish};
 use crate::metrics::Metrics;
 use crate::stage::context::{Cancel, Context, Progress};
+use crate::stage::options::Options;
 use crate::store::board::Board;
 use crate::store::{Ending, Recovered, Result, Store};
 use converter::{Converter, Failure, Report, Work};
@@ -329,11 +331,10 @@ impl Engine {
             cancel: cancel.clone(),
             progress: progress.clone(),
         };
-        let work = Work {
-            inputs,
-            output: publish::staging(config, job.id),
-            options: serde_json::from_value(job.options.clone()).unwrap_or_default(),
-        };
+        let mut options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
+        // The staging folder's name is nothing to go by.
+        options.name.get_or_insert_with(|| job.name.clone());
+        let work = Work { inputs, output: publish::staging(config, job.id), options };
         self.tools.metrics.attempts.inc();
         self.tools.board.hang_up(job.id, progress, now);
         let id = job.id;

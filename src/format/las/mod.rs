@@ -1,1 +1,34 @@
-//! LAS and LAZ: the only module that knows the `las` and `laz` crates.
+//! LAS and LAZ: the only module that knows the `las` and `laz` crates. It turns
+//! files into raw records and back, as ASPRS LAS 1.4 R15 and LASzip lay them
+//! out; what a record means is not decided here.
+//!
+//! Nothing that a file says is believed before it is held against the file's
+//! real bytes: counts, lengths and offsets lie in the wild. What can be read in
+//! spite of a lie is read, and [`Header::notes`] says so; what cannot is an
+//! error that says how much could be.
+
+mod chunks;
+mod coding;
+mod count;
+mod crs;
+mod error;
+mod extra_bytes;
+mod header;
+mod reader;
+mod sequential;
+mod source;
+mod vlr;
+mod writer;
+
+pub use crs::{Crs, CrsSource};
+pub use error::LasError;
+pub use header::{Created, Header};
+pub use reader::{LasFile, Slice};
+pub use writer::{LasOptions, LasWriter};
+
+/// Bytes that a record of a point format has without extra ones (LAS 1.4 R15,
+/// tables 7 to 17).
+pub fn record_length(point_format: u8) -> Option<usize> {
+    const LENGTHS: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+    LENGTHS.get(usize::from(point_format)).copied()
+}

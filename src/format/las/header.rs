@@ -1,0 +1,228 @@
+//! The header as the rest of Lodestone sees it, and the checks of its raw
+//! fields (LAS 1.4 R15, table 3). What is wrong beyond doubt is an error; what
+//! can be read all the same is a note.
+
+use super::LasError;
+use super::crs::Crs;
+use super::record_length;
+use super::source::Source;
+use super::vlr;
+use crate::cloud::attribute::ExtraField;
+
+/// What a LAS or LAZ file says of itself, as far as it is true.
+#[derive(Debug, Clone)]
+pub struct Header {
+    pub version: (u8, u8),
+    /// 0 to 10, without the bits that mark LAZ.
+    pub point_format: u8,
+    /// LAZ.
+    pub compressed: bool,
+    /// Bytes of a record as [`super::LasFile::read`] gives it.
+    pub record_length: usize,
+    /// How many there are in truth, which may differ from what the header says.
+    pub points: u64,
+    /// World = integer × scale + offset.
+    pub scale: [f64; 3],
+    pub offset: [f64; 3],
+    /// World coordinates; a hint only: header bounds are often wrong.
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    /// Fields behind the point format's own, without a gap up to the record's
+    /// end.
+    pub extra: Vec<ExtraField>,
+    pub crs: Option<Crs>,
+    /// The software and the system that made the file.
+    pub software: String,
+    pub system: String,
+    pub created: Option<Created>,
+    /// Bytes of the file.
+    pub file_bytes: u64,
+    /// Oddities that were tolerated, in words for a person.
+    pub notes: Vec<String>,
+}
+
+/// The day on which a file was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Created {
+    pub year: u16,
+    /// 1 is the first of January.
+    pub day: u16,
+}
+
+/// The raw header, checked, before it is known how many points there are.
+pub struct Front {
+    pub raw: las::raw::Header,
+    /// Bytes of the header in this file, which may be more than the standard's.
+    pub size: u64,
+    pub point_format: u8,
+    pub compressed: bool,
+}
+
+/// The largest header of any version.
+const LARGEST: usize = 375;
+/// The smallest, that of versions 1.0 to 1.2.
+const SMALLEST: u64 = 227;
+
+pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError> {
+    let path = source.path();
+    let mut bytes = [0; LARGEST];
+    let there = source.bytes().min(LARGEST as u64) as usize;
+    source.read_exact_at(&mut bytes[..there], 0)?;
+    if &bytes[..4] != b"LASF" {
+        let reason = if source.bytes() == 0 { "it is empty" } else { "it does not begin with LASF" };
+        return Err(LasError::not_las(path, reason));
+    }
+    if (there as u64) < SMALLEST {
+        return Err(LasError::not_las(path, format!("it ends after {there} bytes, within its header")));
+    }
+    let (major, minor) = (bytes[24], bytes[25]);
+    if major != 1 || minor > 4 {
+        let reason = match (major, minor) {
+            (1, 5..=9) => {
+                return Err(LasError::unsupported(path, format!("LAS {major}.{minor} is not known yet")));
+            }
+            _ => format!("it begins with LASF, but there is no LAS version {major}.{minor}"),
+        };
+        return Err(LasError::not_las(path, reason));
+    }
+    let size = u16::from_le_bytes([bytes[94], bytes[95]]);
+    let standard_size = las::Version::new(major, minor).header_size();
+    check_size(source, size, standard_size, notes)?;
+    // What lies behind the header's own end is not header, and what lies
+    // behind the standard's is nobody's.
+    bytes[usize::from(size).min(LARGEST)..].fill(0);
+    bytes[94..96].copy_from_slice(&standard_size.to_le_bytes());
+    let raw =
+        las::raw::Header::read_from(bytes.as_slice()).map_err(|e| LasError::header(path, e.to_string()))?;
+
+    let front = Front {
+        size: u64::from(size),
+        // Bit 7 marks LAZ; bit 6 marked it in the very first versions.
+        point_format: raw.point_data_record_format & 0b0011_1111,
+        compressed: raw.point_data_record_format & 0b1100_0000 != 0,
+        raw,
+    };
+    front.check(source, notes)?;
+    Ok(front)
+}
+
+fn check_size(source: &Source, size: u16, standard: u16, notes: &mut Vec<String>) -> Result<(), LasError> {
+    if u64::from(size) < SMALLEST || u64::from(size) > source.bytes() {
+        let reason = format!("it says that it is {size} bytes long, the file has {}", source.bytes());
+        return Err(LasError::header(source.path(), reason));
+    }
+    if size < standard {
+        notes.push(format!(
+            "its header has {size} bytes where its version has {standard}; the rest counts as zero"
+        ));
+    }
+    Ok(())
+}
+
+impl Front {
+    fn check(&self, source: &Source, notes: &mut Vec<String>) -> Result<(), LasError> {
+        let refuse = |reason: String| Err(LasError::header(source.path(), reason));
+        let format = self.point_format;
+        let Some(standard) = record_length(format) else {
+            return refuse(format!("there is no point format {format}"));
+        };
+        let length = usize::from(self.raw.point_data_record_length);
+        if length < standard {
+            return refuse(format!(
+                "records of {length} bytes are too short for point format {format} ({standard})"
+            ));
+        }
+        for (axis, (scale, offset)) in ["x", "y", "z"].iter().zip(self.scale().into_iter().zip(self.offset()))
+        {
+            if !scale.is_finite() || scale <= 0.0 {
+                return refuse(format!("the scale of {axis} is {scale}"));
+            }
+            if !offset.is_finite() {
+                return refuse(format!("the offset of {axis} is {offset}"));
+            }
+        }
+        if self.points_at() < self.size {
+            return refuse(format!(
+                "its points begin at byte {}, inside its {} bytes of header",
+                self.points_at(),
+                self.size
+            ));
+        }
+        let needed = match format {
+            0..=1 => 0,
+            2..=3 => 2,
+            4..=5 => 3,
+            _ => 4,
+        };
+        if self.raw.version.minor < needed {
+            notes.push(format!(
+                "point format {format} came with LAS 1.{needed}, but the file says 1.{}",
+                self.raw.version.minor
+            ));
+        }
+        Ok(())
+    }
+
+    /// Where the points begin.
+    pub fn points_at(&self) -> u64 {
+        u64::from(self.raw.offset_to_point_data)
+    }
+
+    pub fn scale(&self) -> [f64; 3] {
+        [self.raw.x_scale_factor, self.raw.y_scale_factor, self.raw.z_scale_factor]
+    }
+
+    pub fn offset(&self) -> [f64; 3] {
+        [self.raw.x_offset, self.raw.y_offset, self.raw.z_offset]
+    }
+
+    /// Where the extended records begin and how many there are said to be, if
+    /// that can be.
+    pub fn extended(&self, source: &Source, notes: &mut Vec<String>) -> Option<(u64, u32)> {
+        let evlr = self.raw.evlr.filter(|evlr| evlr.number_of_evlrs > 0)?;
+        if evlr.start_of_first_evlr < self.points_at() || evlr.start_of_first_evlr >= source.bytes() {
+            notes.push(format!(
+                "its extended records should begin at byte {}, which cannot be; they are ignored",
+                evlr.start_of_first_evlr
+            ));
+            return None;
+        }
+        Some((evlr.start_of_first_evlr, evlr.number_of_evlrs))
+    }
+
+    /// Where the records of plain LAS end at the latest: something else, or the
+    /// file's end, comes there.
+    pub fn points_end(&self, source: &Source) -> u64 {
+        let evlr = self.raw.evlr.filter(|e| e.number_of_evlrs > 0).map(|e| e.start_of_first_evlr);
+        let waveforms = self.raw.start_of_waveform_data_packet_record;
+        [evlr, waveforms]
+            .into_iter()
+            .flatten()
+            .filter(|at| *at > self.points_at())
+            .fold(source.bytes(), u64::min)
+    }
+
+    /// The header for the world outside.
+    pub fn finish(self, source: &Source) -> Header {
+        let raw = &self.raw;
+        let created = Created { year: raw.file_creation_year, day: raw.file_creation_day_of_year };
+        Header {
+            version: (raw.version.major, raw.version.minor),
+            point_format: self.point_format,
+            compressed: self.compressed,
+            record_length: usize::from(raw.point_data_record_length),
+            points: 0,
+            scale: self.scale(),
+            offset: self.offset(),
+            min: [raw.min_x, raw.min_y, raw.min_z],
+            max: [raw.max_x, raw.max_y, raw.max_z],
+            extra: Vec::new(),
+            crs: None,
+            software: vlr::text(&raw.generating_software),
+            system: vlr::text(&raw.system_identifier),
+            created: (created.year > 0 && (1..=366).contains(&created.day)).then_some(created),
+            file_bytes: source.bytes(),
+            notes: Vec::new(),
+        }
+    }
+}

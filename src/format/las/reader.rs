@@ -1,0 +1,288 @@
+//! Opens a LAS or LAZ file and gives its records as they are, slice by slice,
+//! to any number of threads.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use laz::LazVlr;
+use laz::laszip::CompressorType;
+
+use super::LasError;
+use super::chunks::{Chunk, Chunking, Layout, Locator};
+use super::coding::Coding;
+use super::count::Claims;
+use super::header::{self, Front, Header};
+use super::sequential::{Broken, Turnstile};
+use super::source::Source;
+use super::vlr::{self, Vlr};
+use super::{crs, extra_bytes};
+
+/// Decoded bytes of a slice at most, however many points were asked for.
+const MOST_SLICE: u64 = 128 << 20;
+/// Points of a chunk that is decoded whole; larger ones go through the
+/// turnstile in parts.
+const MOST_CHUNK: u64 = 4_000_000;
+
+/// A LAS or LAZ file, open for reading.
+#[derive(Debug)]
+pub struct LasFile {
+    source: Arc<Source>,
+    header: Header,
+    body: Body,
+}
+
+/// Consecutive points of a file, as [`LasFile::slices`] cut them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slice {
+    /// The first point's place in the file's order.
+    pub first: u64,
+    pub points: u32,
+}
+
+#[derive(Debug)]
+enum Body {
+    /// Records one behind the other, from this byte on.
+    Plain { at: u64 },
+    /// LAZ chunks, each on its own.
+    Chunks { coding: Coding, chunks: Vec<Chunk> },
+    /// LAZ from front to back.
+    Stream(Turnstile),
+}
+
+impl LasFile {
+    pub fn open(path: &Path) -> Result<LasFile, LasError> {
+        let source = Arc::new(Source::open(path)?);
+        let mut notes = Vec::new();
+        let front = header::read(&source, &mut notes)?;
+        let records = records(&source, &front, &mut notes)?;
+        let (body, points, record_length) = if front.compressed {
+            compressed(&source, &front, &records, &mut notes)?
+        } else {
+            plain(&source, &front, &mut notes)?
+        };
+
+        let mut header = front.finish(&source);
+        header.points = points;
+        header.record_length = record_length;
+        let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
+        let standard = super::record_length(header.point_format).unwrap_or(record_length);
+        header.extra = extra_bytes::parse(descriptions, standard, record_length, &mut notes);
+        header.crs = crs::find(&records, &mut notes);
+        header.notes = notes;
+        Ok(LasFile { source, header, body })
+    }
+
+    pub fn path(&self) -> &Path {
+        self.source.path()
+    }
+
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Consecutive slices of about `points` points that cover all of them. LAZ
+    /// slices begin and end where its chunks do. Ask for them in this order:
+    /// some LAZ files can only be decoded from front to back.
+    pub fn slices(&self, points: u32) -> Vec<Slice> {
+        let most = (MOST_SLICE / self.header.record_length as u64).clamp(1, u64::from(u32::MAX));
+        let wanted = u64::from(points.max(1)).min(most);
+        let Body::Chunks { chunks, .. } = &self.body else {
+            return (0..self.header.points.div_ceil(wanted))
+                .map(|slice| slice * wanted)
+                .map(|first| Slice { first, points: wanted.min(self.header.points - first) as u32 })
+                .collect();
+        };
+        let mut slices: Vec<Slice> = Vec::new();
+        for chunk in chunks {
+            match slices.last_mut() {
+                Some(slice) if u64::from(slice.points) + chunk.points <= wanted => {
+                    slice.points += chunk.points as u32;
+                }
+                _ => slices.push(Slice { first: chunk.first, points: chunk.points as u32 }),
+            }
+        }
+        slices
+    }
+
+    /// Decodes a slice into raw records of `header().record_length` bytes, laid
+    /// out as LAS says for `header().point_format`. What was in `records` is
+    /// replaced.
+    pub fn read(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
+        let end = slice.first.checked_add(u64::from(slice.points));
+        if end.is_none_or(|end| end > self.header.points) {
+            return Err(self.not_a_slice(slice));
+        }
+        let length = self.header.record_length;
+        let room = |records: &mut Vec<u8>| records.resize(slice.points as usize * length, 0);
+        match &self.body {
+            Body::Plain { at } => {
+                room(records);
+                self.source.read_exact_at(records, at + slice.first * length as u64)
+            }
+            Body::Chunks { coding, chunks } => {
+                let chunks = self.chunks_of(slice, chunks)?;
+                room(records);
+                self.decode(coding, chunks, records)
+            }
+            Body::Stream(turnstile) => {
+                room(records);
+                turnstile.read(slice.first, records).map_err(|broken| self.broken(slice, broken))
+            }
+        }
+    }
+
+    /// Fails with the reason if the file is no longer what it was when it was
+    /// opened.
+    pub fn check_unchanged(&self) -> Result<(), LasError> {
+        self.source.check_unchanged()
+    }
+
+    fn chunks_of<'a>(&self, slice: Slice, chunks: &'a [Chunk]) -> Result<&'a [Chunk], LasError> {
+        let end = slice.first + u64::from(slice.points);
+        let from = chunks.partition_point(|chunk| chunk.first < slice.first);
+        let to = chunks.partition_point(|chunk| chunk.first < end);
+        let covered = chunks[from..to].iter().map(|chunk| chunk.points).sum::<u64>();
+        if covered != u64::from(slice.points) || chunks.get(from).is_some_and(|c| c.first != slice.first) {
+            return Err(self.not_a_slice(slice));
+        }
+        Ok(&chunks[from..to])
+    }
+
+    /// Chunks that follow one another in the file: one read, then each.
+    fn decode(&self, coding: &Coding, chunks: &[Chunk], records: &mut [u8]) -> Result<(), LasError> {
+        let (Some(first), Some(last)) = (chunks.first(), chunks.last()) else { return Ok(()) };
+        let mut bytes = vec![0; (last.at + last.bytes - first.at) as usize];
+        self.source.read_exact_at(&mut bytes, first.at)?;
+        let mut records = records;
+        for chunk in chunks {
+            let (now, later) = records.split_at_mut(chunk.points as usize * coding.record_length);
+            let start = (chunk.at - first.at) as usize;
+            coding.decode(&bytes[start..start + chunk.bytes as usize], now).map_err(|reason| {
+                let last = chunk.first + chunk.points - 1;
+                let place = format!(
+                    "the LAZ chunk of {} bytes at byte {} with the points {} to {last}",
+                    chunk.bytes, chunk.at, chunk.first
+                );
+                LasError::Damaged { path: self.path().to_path_buf(), place, reason }
+            })?;
+            records = later;
+        }
+        Ok(())
+    }
+
+    fn broken(&self, slice: Slice, broken: Broken) -> LasError {
+        let path = self.path().to_path_buf();
+        if broken.ended {
+            let Broken { readable, reason, .. } = broken;
+            return LasError::Cut { path, readable, points: self.header.points, reason };
+        }
+        let last = slice.first + u64::from(slice.points) - 1;
+        let place = format!(
+            "the LAZ stream behind point {}, within the points {} to {last}",
+            broken.readable, slice.first
+        );
+        LasError::Damaged { path, place, reason: broken.reason }
+    }
+
+    fn not_a_slice(&self, slice: Slice) -> LasError {
+        let last = slice.first.saturating_add(u64::from(slice.points)).saturating_sub(1);
+        LasError::NotASlice { path: self.path().to_path_buf(), first: slice.first, last }
+    }
+}
+
+/// The variable length records that mean something, the extended ones last.
+fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Vec<Vlr>, LasError> {
+    let said = front.raw.number_of_variable_length_records;
+    let mut records = vlr::read(source, front.size, front.points_at(), said, notes)?;
+    if let Some((start, said)) = front.extended(source, notes) {
+        records.extend(vlr::read_extended(source, start, said, notes)?);
+    }
+    Ok(records)
+}
+
+fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<(Body, u64, usize), LasError> {
+    let length = usize::from(front.raw.point_data_record_length);
+    let claims = Claims::of(&front.raw);
+    let at = front.points_at();
+    // Where something else begins behind the points, they end there, unless
+    // its place is wrong and the points are all there.
+    let bytes = front.points_end(source).saturating_sub(at);
+    let (room, rest) = (bytes / length as u64, bytes % length as u64);
+    let all = source.bytes().saturating_sub(at);
+    let judged = claims.judge(room, rest, notes).or_else(|too_many| {
+        let (room, rest) = (all / length as u64, all % length as u64);
+        if room < too_many.said {
+            return Err(LasError::Cut {
+                path: source.path().to_path_buf(),
+                readable: room,
+                points: too_many.said,
+                reason: format!(
+                    "the last whole record ends at byte {}",
+                    at.min(source.bytes()) + room * length as u64
+                ),
+            });
+        }
+        notes.push("its extended records or waveforms should begin among its points".to_string());
+        claims
+            .judge(room, rest.max(1), notes)
+            .map_err(|_| LasError::header(source.path(), "its counts contradict"))
+    })?;
+    Ok((Body::Plain { at }, judged, length))
+}
+
+fn compressed(
+    source: &Arc<Source>,
+    front: &Front,
+    records: &[Vlr],
+    notes: &mut Vec<String>,
+) -> Result<(Body, u64, usize), LasError> {
+    let path = source.path();
+    let record = records
+        .iter()
+        .find(|r| r.is(LazVlr::USER_ID, LazVlr::RECORD_ID))
+        .ok_or_else(|| LasError::header(path, "it is marked as LAZ but has no LASzip record"))?;
+    let vlr = LazVlr::from_buffer(&record.data)
+        .map_err(|e| LasError::header(path, format!("its LASzip record cannot be read: {e}")))?;
+    let coding =
+        Coding::new(vlr.items(), front.point_format).map_err(|reason| LasError::unsupported(path, reason))?;
+    if coding.record_length != usize::from(front.raw.point_data_record_length) {
+        notes.push(format!(
+            "its header says records of {} bytes, its LASzip record {}",
+            front.raw.point_data_record_length, coding.record_length
+        ));
+    }
+    let locator = Locator {
+        source,
+        chunking: chunking(&record.data, &vlr).map_err(|reason| LasError::unsupported(path, reason))?,
+        coding: &coding,
+        start: front.points_at(),
+        end: front.points_end(source).max(front.points_at()),
+        claims: Claims::of(&front.raw),
+    };
+    let (layout, points) = locator.locate(notes)?;
+    let length = coding.record_length;
+    let body = match layout {
+        Layout::Chunks(chunks) if chunks.iter().all(|chunk| is_small(chunk, length)) => {
+            Body::Chunks { coding, chunks }
+        }
+        layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
+    };
+    Ok((body, points, length))
+}
+
+fn is_small(chunk: &Chunk, record_length: usize) -> bool {
+    chunk.points <= MOST_CHUNK && chunk.points * record_length as u64 <= MOST_SLICE
+}
+
+/// How a LASzip record says that chunks are cut. The compressor is the first
+/// number of the record; `laz` keeps it to itself.
+fn chunking(data: &[u8], vlr: &LazVlr) -> Result<Chunking, String> {
+    match u16::from_le_bytes([data[0], data[1]]) {
+        kind if kind == CompressorType::PointWise as u16 => Ok(Chunking::Whole),
+        kind if kind == CompressorType::None as u16 => {
+            Err("its LASzip record says that it is not compressed".to_string())
+        }
+        _ if vlr.uses_variable_size_chunks() => Ok(Chunking::Variable),
+        _ => Ok(Chunking::Fixed(vlr.chunk_size())),
+    }
+}

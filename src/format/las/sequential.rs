@@ -1,0 +1,325 @@
+//! LAZ that has to be decoded from front to back: one stream without chunks
+//! (LASzip 1), chunks without a table, chunks too large to decode whole.
+//!
+//! Slices are still asked for from several threads, so there is a turnstile:
+//! the slice that is next goes through, a thread with a later one waits for its
+//! turn. It never waits for ever: if for some seconds nobody comes for the
+//! slices in between (their thread failed, or waits for this very one), it
+//! decodes them into nothing and goes on; and a slice that is behind starts
+//! over. So every order gives the right records, and file order is the fast one.
+
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+
+use super::chunks::{Chunk, Chunking, Layout};
+use super::coding::{Coding, guard};
+use super::source::Source;
+
+/// How long a thread waits for the slices before its own without seeing any
+/// progress.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Points that are decoded into nothing at a time.
+const SKIP: u64 = 10_000;
+/// Compressed bytes that are decoded only to say how many points a cut file
+/// still has; that takes a few seconds.
+const MOST_TO_COUNT: u64 = 64 << 20;
+
+/// Why decoding ended, and how many points came before.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Broken {
+    pub readable: u64,
+    pub reason: String,
+    /// The bytes ended, as in a file that was cut.
+    pub ended: bool,
+}
+
+#[derive(Debug)]
+pub struct Turnstile {
+    source: Arc<Source>,
+    coding: Coding,
+    layout: Layout,
+    state: Mutex<State>,
+    moved: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    stream: Option<Stream>,
+    /// The first point that was not decoded yet.
+    next: u64,
+    broken: Option<Broken>,
+}
+
+impl Turnstile {
+    pub fn new(source: Arc<Source>, coding: Coding, layout: Layout) -> Turnstile {
+        Turnstile { source, coding, layout, state: Mutex::default(), moved: Condvar::new() }
+    }
+
+    /// Fills `records` with the points from `first` on.
+    pub fn read(&self, first: u64, records: &mut [u8]) -> Result<(), Broken> {
+        let points = (records.len() / self.coding.record_length) as u64;
+        // Nothing panics while the lock is held that is not caught; a poisoned
+        // state would be as good as any.
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if first == 0 {
+            *state = State::default();
+        }
+        loop {
+            if let Some(broken) = &state.broken
+                && first + points > broken.readable
+            {
+                return Err(broken.clone());
+            }
+            if first <= state.next {
+                break;
+            }
+            let before = state.next;
+            let (woken, wait) =
+                self.moved.wait_timeout(state, PATIENCE).unwrap_or_else(PoisonError::into_inner);
+            state = woken;
+            if wait.timed_out() && state.next == before {
+                break;
+            }
+        }
+        let result = self.advance(&mut state, first, records);
+        if let Err(broken) = &result {
+            *state = State { broken: Some(broken.clone()), ..State::default() };
+        }
+        drop(state);
+        self.moved.notify_all();
+        result
+    }
+
+    fn advance(&self, state: &mut State, first: u64, records: &mut [u8]) -> Result<(), Broken> {
+        let mut stream = match state.stream.take() {
+            Some(stream) if stream.decoded <= first => stream,
+            _ => Stream::new(self.source.clone(), &self.layout),
+        };
+        let mut nothing = Vec::new();
+        while stream.decoded < first {
+            let points = (first - stream.decoded).min(SKIP);
+            nothing.resize(points as usize * self.coding.record_length, 0);
+            stream.decode(&self.coding, &self.layout, &mut nothing)?;
+        }
+        stream.decode(&self.coding, &self.layout, records)?;
+        state.next = stream.decoded;
+        state.stream = Some(stream);
+        Ok(())
+    }
+}
+
+/// How many points can be decoded from `start` on, up to `said`. Looks only at
+/// the first of a large file's bytes; then it is a lower bound.
+pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, start: u64, said: u64) -> u64 {
+    let Ok(source) = source.reopen() else { return 0 };
+    let end = source.bytes().min(start.saturating_add(MOST_TO_COUNT));
+    let chunk_points = match chunking {
+        Chunking::Fixed(points) => Some(points),
+        Chunking::Whole => None,
+        // Without the table nobody knows where one chunk ends.
+        Chunking::Variable => return 0,
+    };
+    let layout = Layout::Stream { start, end, chunk_points };
+    let mut stream = Stream::new(Arc::new(source), &layout);
+    let mut nothing = vec![0; SKIP as usize * coding.record_length];
+    while stream.decoded < said {
+        let points = (said - stream.decoded).min(SKIP) as usize;
+        if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
+            return broken.readable;
+        }
+    }
+    said
+}
+
+/// A place in the stream of points.
+struct Stream {
+    /// Points that came out so far.
+    decoded: u64,
+    /// Points that are left in the current chunk.
+    left: u64,
+    /// The next entry of [`Layout::Chunks`].
+    next_chunk: usize,
+    state: Decoder,
+}
+
+/// Between chunks there is only the window.
+enum Decoder {
+    Idle(Window),
+    Running(Box<dyn RecordDecompressor<Window> + Send>),
+    /// Only while one becomes the other.
+    Gone,
+}
+
+impl std::fmt::Debug for Stream {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stream")
+            .field("decoded", &self.decoded)
+            .field("left", &self.left)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Stream {
+    fn new(source: Arc<Source>, layout: &Layout) -> Stream {
+        let (position, end) = match layout {
+            Layout::Chunks(chunks) => (
+                chunks.first().map_or(0, |chunk| chunk.at),
+                chunks.last().map_or(0, |chunk| chunk.at + chunk.bytes),
+            ),
+            Layout::Stream { start, end, .. } => (*start, *end),
+        };
+        let window = BufReader::with_capacity(1 << 16, Range { source, position, end });
+        Stream { decoded: 0, left: 0, next_chunk: 0, state: Decoder::Idle(window) }
+    }
+
+    fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
+        let mut rest = records;
+        while !rest.is_empty() {
+            if self.left == 0 {
+                self.next(coding, layout).map_err(|reason| self.broken(reason))?;
+            }
+            let points = self.left.min((rest.len() / coding.record_length) as u64);
+            let (now, later) = rest.split_at_mut(points as usize * coding.record_length);
+            self.run(coding, now)?;
+            rest = later;
+        }
+        if self.left == 0 {
+            self.close(layout).map_err(|reason| self.broken(reason))?;
+        }
+        Ok(())
+    }
+
+    /// Decodes within the current chunk.
+    fn run(&mut self, coding: &Coding, records: &mut [u8]) -> Result<(), Broken> {
+        let Decoder::Running(decoder) = &mut self.state else {
+            return Err(self.broken("its decoder is gone".to_string()));
+        };
+        let mut done = 0;
+        let result = guard(|| {
+            for record in records.chunks_exact_mut(coding.record_length) {
+                decoder.decompress_next(record)?;
+                done += 1;
+            }
+            Ok(())
+        });
+        self.decoded += done;
+        self.left -= done;
+        result.map_err(|reason| self.broken(reason))
+    }
+
+    /// Starts the next chunk's decoder.
+    fn next(&mut self, coding: &Coding, layout: &Layout) -> Result<(), String> {
+        self.close(layout)?;
+        let Decoder::Idle(mut window) = std::mem::replace(&mut self.state, Decoder::Gone) else {
+            return Err("its decoder is gone".to_string());
+        };
+        match layout {
+            Layout::Chunks(chunks) => {
+                let chunk = chunks.get(self.next_chunk).ok_or("it has no further chunk")?;
+                self.next_chunk += 1;
+                check_layers(window.get_ref(), coding, chunk)?;
+                window.seek(SeekFrom::Start(chunk.at)).map_err(|e| e.to_string())?;
+                self.left = chunk.points;
+            }
+            Layout::Stream { chunk_points, .. } => {
+                self.left = chunk_points.map_or(u64::MAX, u64::from);
+            }
+        }
+        let decoder = guard(|| {
+            Ok(if coding.layered {
+                let mut decoder = LayeredPointRecordDecompressor::new(window);
+                decoder.set_fields_from(&coding.items).map_err(io::Error::other)?;
+                Box::new(decoder) as Box<dyn RecordDecompressor<Window> + Send>
+            } else {
+                let mut decoder = SequentialPointRecordDecompressor::new(window);
+                decoder.set_fields_from(&coding.items).map_err(io::Error::other)?;
+                Box::new(decoder)
+            })
+        })?;
+        self.state = Decoder::Running(decoder);
+        Ok(())
+    }
+
+    /// Ends the current chunk's decoder; what it left over gives damage away.
+    fn close(&mut self, layout: &Layout) -> Result<(), String> {
+        match std::mem::replace(&mut self.state, Decoder::Gone) {
+            Decoder::Running(decoder) => {
+                let window = decoder.box_into_inner();
+                let at = window.get_ref().position - window.buffer().len() as u64;
+                self.state = Decoder::Idle(window);
+                if let Layout::Chunks(chunks) = layout
+                    && let Some(chunk) = self.next_chunk.checked_sub(1).and_then(|i| chunks.get(i))
+                    && at != chunk.at + chunk.bytes
+                {
+                    return Err("its bytes and its points do not end together".to_string());
+                }
+            }
+            other => self.state = other,
+        }
+        Ok(())
+    }
+
+    fn broken(&mut self, reason: String) -> Broken {
+        let ended = match &mut self.state {
+            Decoder::Running(decoder) => {
+                let window = decoder.get_mut();
+                window.fill_buf().is_ok_and(<[u8]>::is_empty)
+            }
+            _ => false,
+        };
+        Broken { readable: self.decoded, reason, ended }
+    }
+}
+
+/// As in [`Coding::decode`]: the layers must be those of the chunk before
+/// `laz` makes room for them.
+fn check_layers(range: &Range, coding: &Coding, chunk: &Chunk) -> Result<(), String> {
+    if !coding.layered {
+        return Ok(());
+    }
+    let mut front = vec![0; coding.layered_front()];
+    if chunk.bytes < front.len() as u64 {
+        return Err(format!("its {} bytes are too few", chunk.bytes));
+    }
+    range.source.read_exact_at(&mut front, chunk.at).map_err(|e| e.to_string())?;
+    match coding.layered_extent(&front) {
+        extent if extent == (chunk.points, chunk.bytes) => Ok(()),
+        (points, bytes) => Err(format!(
+            "it says {points} points in {bytes} bytes, the file says {} in {}",
+            chunk.points, chunk.bytes
+        )),
+    }
+}
+
+type Window = BufReader<Range>;
+
+/// A part of the file as a stream.
+struct Range {
+    source: Arc<Source>,
+    position: u64,
+    end: u64,
+}
+
+impl Read for Range {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let most = bytes.len().min(self.end.saturating_sub(self.position) as usize);
+        let read = self.source.read_at(&mut bytes[..most], self.position)?;
+        self.position += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for Range {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let target = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::Current(by) => self.position.checked_add_signed(by),
+            SeekFrom::End(by) => self.end.checked_add_signed(by),
+        };
+        self.position = target.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.position)
+    }
+}

@@ -1,0 +1,105 @@
+//! The file that is read: positioned reads from any thread, and a memory of
+//! what the file was like when it was opened.
+//!
+//! Never a memory map: users replace and cut files while they are read, and a
+//! cut map kills the process.
+
+use std::fs::{File, Metadata};
+use std::io;
+use std::os::unix::fs::{FileExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use super::error::LasError;
+
+#[derive(Debug)]
+pub struct Source {
+    file: File,
+    path: PathBuf,
+    opened: Identity,
+}
+
+/// What tells a file from one that took its place or grew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Identity {
+    device: u64,
+    inode: u64,
+    bytes: u64,
+    /// Seconds and nanoseconds of the last change.
+    modified: (i64, i64),
+}
+
+impl Identity {
+    fn of(metadata: &Metadata) -> Identity {
+        Identity {
+            device: metadata.dev(),
+            inode: metadata.ino(),
+            bytes: metadata.len(),
+            modified: (metadata.mtime(), metadata.mtime_nsec()),
+        }
+    }
+}
+
+impl Source {
+    pub fn open(path: &Path) -> Result<Source, LasError> {
+        let file = File::open(path).map_err(|e| LasError::io("open", path, e))?;
+        let metadata = file.metadata().map_err(|e| LasError::io("look at", path, e))?;
+        if !metadata.is_file() {
+            return Err(LasError::not_las(path, "it is not a file"));
+        }
+        Ok(Source { file, path: path.to_path_buf(), opened: Identity::of(&metadata) })
+    }
+
+    /// A second handle on the same file.
+    pub fn reopen(&self) -> Result<Source, LasError> {
+        let file = self.file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?;
+        Ok(Source { file, path: self.path.clone(), opened: self.opened })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The length when it was opened.
+    pub fn bytes(&self) -> u64 {
+        self.opened.bytes
+    }
+
+    pub fn read_exact_at(&self, bytes: &mut [u8], position: u64) -> Result<(), LasError> {
+        self.file.read_exact_at(bytes, position).map_err(|error| match error.kind() {
+            io::ErrorKind::UnexpectedEof => self.changed("it became shorter"),
+            _ => LasError::io("read", &self.path, error),
+        })
+    }
+
+    /// As much as there is, up to the buffer's length.
+    pub fn read_at(&self, bytes: &mut [u8], position: u64) -> io::Result<usize> {
+        self.file.read_at(bytes, position)
+    }
+
+    pub fn check_unchanged(&self) -> Result<(), LasError> {
+        // By its path, too: a file that was replaced lives on behind the
+        // handle, but it is no longer what the user means.
+        let now = match std::fs::metadata(&self.path) {
+            Ok(metadata) => Identity::of(&metadata),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Err(self.changed("it was removed or renamed"));
+            }
+            Err(error) => return Err(LasError::io("look at", &self.path, error)),
+        };
+        let then = self.opened;
+        if now.bytes != then.bytes {
+            return Err(self.changed(&format!("it had {} bytes and now has {}", then.bytes, now.bytes)));
+        }
+        if (now.device, now.inode) != (then.device, then.inode) {
+            return Err(self.changed("another file took its place"));
+        }
+        if now.modified != then.modified {
+            return Err(self.changed("somebody wrote to it"));
+        }
+        Ok(())
+    }
+
+    fn changed(&self, reason: &str) -> LasError {
+        LasError::Changed { path: self.path.clone(), reason: reason.to_string() }
+    }
+}

@@ -1,0 +1,167 @@
+//! Variable length records, plain and extended (LAS 1.4 R15, tables 5 and 24),
+//! found by walking the file's bytes and never by a header's counts, which lie:
+//! a test file claims 1 069 128 089 of them in 14 kB.
+
+use super::error::LasError;
+use super::source::Source;
+
+/// Bytes in front of a record's data, and of an extended one's.
+const FRONT: u64 = 54;
+const EXTENDED_FRONT: u64 = 60;
+/// Data longer than this is passed over; no record that is read here needs it.
+const MOST_DATA: u64 = 16 << 20;
+/// Records that are looked at; real files have a handful, and hostile ones
+/// could have one every 54 bytes.
+const MOST_RECORDS: usize = 10_000;
+
+/// One record that means something here.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vlr {
+    pub user: String,
+    pub id: u16,
+    pub data: Vec<u8>,
+}
+
+impl Vlr {
+    pub fn is(&self, user: &str, id: u16) -> bool {
+        self.id == id && self.user.eq_ignore_ascii_case(user)
+    }
+}
+
+/// The records that lie between the header and the points.
+pub fn read(
+    source: &Source,
+    start: u64,
+    end: u64,
+    said: u32,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Vlr>, LasError> {
+    let end = end.min(source.bytes());
+    let mut records = Vec::new();
+    let mut position = start;
+    let mut found = 0;
+    while position + FRONT <= end && found < MOST_RECORDS {
+        let mut front = [0; FRONT as usize];
+        source.read_exact_at(&mut front, position)?;
+        let length = u64::from(u16::from_le_bytes([front[20], front[21]]));
+        let (user, id) = (text(&front[2..18]), u16::from_le_bytes([front[18], front[19]]));
+        let fits = position + FRONT + length <= end;
+        // Behind the last one that the header counts, only what is certainly a
+        // record is taken for one.
+        if found >= said as usize && !(fits && is_known(&user, id)) {
+            break;
+        }
+        if !fits {
+            notes.push(format!("the variable length record \"{user}\" {id} is longer than the room for it"));
+            if !is_known(&user, id) {
+                break;
+            }
+        }
+        if is_known(&user, id) {
+            let length = length.min(end - position - FRONT);
+            let mut data = vec![0; length as usize];
+            source.read_exact_at(&mut data, position + FRONT)?;
+            records.push(Vlr { user, id, data });
+        }
+        found += 1;
+        position += FRONT + length;
+    }
+    if found != said as usize {
+        notes.push(format!("the header says {said} variable length records, there are {found}"));
+    }
+    Ok(records)
+}
+
+/// The extended records, from `start` to the end of the file.
+pub fn read_extended(
+    source: &Source,
+    start: u64,
+    said: u32,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Vlr>, LasError> {
+    let end = source.bytes();
+    let mut records = Vec::new();
+    let mut position = start;
+    let mut found = 0;
+    while found < said as usize && found < MOST_RECORDS && end.saturating_sub(position) >= EXTENDED_FRONT {
+        let mut front = [0; EXTENDED_FRONT as usize];
+        source.read_exact_at(&mut front, position)?;
+        let mut length = [0; 8];
+        length.copy_from_slice(&front[20..28]);
+        let length = u64::from_le_bytes(length);
+        let (user, id) = (text(&front[2..18]), u16::from_le_bytes([front[18], front[19]]));
+        let Some(next) = (position + EXTENDED_FRONT).checked_add(length).filter(|next| *next <= end) else {
+            notes.push(format!("the extended record \"{user}\" {id} reaches past the end of the file"));
+            break;
+        };
+        if is_known(&user, id) && length <= MOST_DATA {
+            let mut data = vec![0; length as usize];
+            source.read_exact_at(&mut data, position + EXTENDED_FRONT)?;
+            records.push(Vlr { user, id, data });
+        }
+        found += 1;
+        position = next;
+    }
+    if found != said as usize {
+        notes.push(format!("the header says {said} extended records, there are {found}"));
+    }
+    Ok(records)
+}
+
+fn is_known(user: &str, id: u16) -> bool {
+    let is = |name: &str| user.eq_ignore_ascii_case(name);
+    match id {
+        4 => is("LASF_Spec"),
+        22204 => is("laszip encoded"),
+        2111 | 2112 => is("LASF_Projection") || is("liblas"),
+        34735..=34737 => is("LASF_Projection"),
+        1 => is("copc"),
+        _ => false,
+    }
+}
+
+/// A field of text: up to its first zero, without blanks around it, and with
+/// what is not UTF-8 replaced.
+pub fn text(field: &[u8]) -> String {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
+    String::from_utf8_lossy(&field[..end]).trim().to_string()
+}
+
+/// Appends a record.
+pub fn put(to: &mut Vec<u8>, user: &str, id: u16, description: &str, data: &[u8]) -> Result<(), String> {
+    let length = u16::try_from(data.len())
+        .map_err(|_| format!("the record \"{user}\" {id} of {} bytes is too long", data.len()))?;
+    put_front(to, user, id, &length.to_le_bytes(), description);
+    to.extend_from_slice(data);
+    Ok(())
+}
+
+/// Appends an extended record.
+pub fn put_extended(to: &mut Vec<u8>, user: &str, id: u16, description: &str, data: &[u8]) {
+    put_front(to, user, id, &(data.len() as u64).to_le_bytes(), description);
+    to.extend_from_slice(data);
+}
+
+fn put_front(to: &mut Vec<u8>, user: &str, id: u16, length: &[u8], description: &str) {
+    let mut user_field = [0; 16];
+    super::extra_bytes::put_text(&mut user_field, user);
+    let mut description_field = [0; 32];
+    super::extra_bytes::put_text(&mut description_field, description);
+    to.extend_from_slice(&[0, 0]);
+    to.extend_from_slice(&user_field);
+    to.extend_from_slice(&id.to_le_bytes());
+    to.extend_from_slice(length);
+    to.extend_from_slice(&description_field);
+}
+
+/// How many records `bytes`, written by [`put`], holds.
+pub fn count(bytes: &[u8]) -> u32 {
+    let mut count = 0;
+    let mut position = 0;
+    while position + FRONT as usize <= bytes.len() {
+        let length = u16::from_le_bytes([bytes[position + 20], bytes[position + 21]]);
+        position += FRONT as usize + usize::from(length);
+        count += 1;
+    }
+    count
+}

@@ -1,0 +1,354 @@
+//! Writes LAS and LAZ files as a stream: records go in as they are, the header
+//! with the true counts and bounds is patched at the end.
+//!
+//! LAZ chunks hold 50 000 points, as everybody's do, and are compressed on all
+//! threads of the current rayon pool; the file is the same whatever their
+//! number. No date and no random id is written: the same points give the same
+//! bytes.
+
+use std::path::Path;
+
+use laz::laszip::{ChunkTable, ChunkTableEntry};
+use laz::{LazVlr, LazVlrBuilder};
+use rayon::prelude::*;
+
+use super::coding::Coding;
+use super::error::LasError;
+use super::{extra_bytes, vlr};
+use crate::cloud::attribute::ExtraField;
+use crate::disk::{Disk, DiskFile};
+
+/// Points of a LAZ chunk.
+const CHUNK_POINTS: u32 = 50_000;
+/// Bytes that plain LAS collects before it writes them.
+const PLAIN_BUFFER: usize = 4 << 20;
+/// The global encoding's bit that says that the CRS is WKT (LAS 1.4 R15, table 4).
+const WKT_BIT: u16 = 1 << 4;
+
+/// What a file to be written is like.
+#[derive(Debug, Clone)]
+pub struct LasOptions {
+    /// 1.0 to 1.4; formats above 5 need 1.4, 4 and 5 need 1.3.
+    pub version: (u8, u8),
+    pub point_format: u8,
+    pub scale: [f64; 3],
+    pub offset: [f64; 3],
+    pub compressed: bool,
+    /// Fields behind the standard ones; their positions say where.
+    pub extra: Vec<ExtraField>,
+    pub crs_wkt: Option<String>,
+    pub software: String,
+}
+
+/// A LAS or LAZ file that is being written. Without [`LasWriter::finish`] its
+/// header says that it has no points.
+#[derive(Debug)]
+pub struct LasWriter {
+    file: DiskFile,
+    header: las::raw::Header,
+    /// The variable length records, as bytes.
+    vlrs: Vec<u8>,
+    /// A CRS too long for one of those, as an extended one.
+    evlrs: Vec<u8>,
+    record_length: usize,
+    /// Where the next bytes of points go.
+    position: u64,
+    /// Whole records that are not yet in the file.
+    pending: Vec<u8>,
+    laz: Option<LazState>,
+    tally: Tally,
+}
+
+#[derive(Debug)]
+struct LazState {
+    vlr: LazVlr,
+    coding: Coding,
+    table: ChunkTable,
+}
+
+/// What the header says of the points.
+#[derive(Debug)]
+struct Tally {
+    points: u64,
+    returns: [u64; 15],
+    min: [i32; 3],
+    max: [i32; 3],
+    /// The bits of byte 14 that hold the return number.
+    return_mask: u8,
+}
+
+impl LasWriter {
+    pub fn create(path: &Path, options: &LasOptions) -> Result<LasWriter, LasError> {
+        LasWriter::create_on(&Disk::new(), path, options)
+    }
+
+    /// The same on a disk that a test may have made faulty.
+    pub fn create_on(disk: &Disk, path: &Path, options: &LasOptions) -> Result<LasWriter, LasError> {
+        let standard = check(path, options)?;
+        let (description, record_length) = extra_bytes::describe(&options.extra, standard)
+            .map_err(|reason| LasError::write(path, reason))?;
+        let length = u16::try_from(record_length).map_err(|_| {
+            LasError::write(path, format!("records of {record_length} bytes are too long for LAS"))
+        })?;
+
+        let mut vlrs = Vec::new();
+        let mut evlrs = Vec::new();
+        if !description.is_empty() {
+            vlr::put(&mut vlrs, "LASF_Spec", 4, "Extra bytes", &description)
+                .map_err(|reason| LasError::write(path, reason))?;
+        }
+        if let Some(wkt) = &options.crs_wkt {
+            let mut wkt = wkt.clone().into_bytes();
+            wkt.push(0);
+            if wkt.len() <= usize::from(u16::MAX) {
+                vlr::put(&mut vlrs, "LASF_Projection", 2112, "OGC WKT", &wkt)
+                    .map_err(|reason| LasError::write(path, reason))?;
+            } else if options.version == (1, 4) {
+                vlr::put_extended(&mut evlrs, "LASF_Projection", 2112, "OGC WKT", &wkt);
+            } else {
+                return Err(LasError::write(path, "its CRS is too long for a version below 1.4"));
+            }
+        }
+        let laz = if options.compressed {
+            let state = LazState::new(options.point_format, length - standard as u16)
+                .map_err(|reason| LasError::write(path, reason))?;
+            let mut data = Vec::new();
+            state.vlr.write_to(&mut data).map_err(|e| LasError::write(path, e.to_string()))?;
+            vlr::put(&mut vlrs, LazVlr::USER_ID, LazVlr::RECORD_ID, "LASzip", &data)
+                .map_err(|reason| LasError::write(path, reason))?;
+            Some(state)
+        } else {
+            None
+        };
+
+        let header = header(options, length, &vlrs);
+        let position = u64::from(header.offset_to_point_data) + if laz.is_some() { 8 } else { 0 };
+        let mut writer = LasWriter {
+            file: disk.create(path)?,
+            header,
+            vlrs,
+            evlrs,
+            record_length,
+            position,
+            pending: Vec::new(),
+            laz,
+            tally: Tally::new(options.point_format),
+        };
+        writer.write_front(None)?;
+        Ok(writer)
+    }
+
+    /// Bytes of a record: the format's own and the extra ones.
+    pub fn record_length(&self) -> usize {
+        self.record_length
+    }
+
+    /// Appends whole records.
+    pub fn write(&mut self, records: &[u8]) -> Result<(), LasError> {
+        if !records.len().is_multiple_of(self.record_length) {
+            let reason = format!("{} bytes are not whole records of {}", records.len(), self.record_length);
+            return Err(LasError::write(self.file.path(), reason));
+        }
+        self.tally.add(records, self.record_length);
+        let batch = match &self.laz {
+            Some(_) => CHUNK_POINTS as usize * self.record_length * rayon::current_num_threads(),
+            None => PLAIN_BUFFER,
+        };
+        let mut records = records;
+        while !records.is_empty() {
+            let part = records.len().min(batch.saturating_sub(self.pending.len()));
+            self.pending.extend_from_slice(&records[..part]);
+            records = &records[part..];
+            if self.pending.len() >= batch {
+                self.flush(false)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the rest, the chunk table and the true header, and makes it last.
+    pub fn finish(mut self) -> Result<(), LasError> {
+        self.flush(true)?;
+        let mut table_at = None;
+        if let Some(laz) = &self.laz {
+            let mut table = Vec::new();
+            laz.table
+                .write_to(&mut table, &laz.vlr)
+                .map_err(|e| LasError::write(self.file.path(), e.to_string()))?;
+            self.file.write_all_at(&table, self.position)?;
+            table_at = Some(self.position);
+            self.position += table.len() as u64;
+        }
+        if !self.evlrs.is_empty() {
+            self.file.write_all_at(&self.evlrs, self.position)?;
+            self.header.evlr =
+                Some(las::raw::header::Evlr { start_of_first_evlr: self.position, number_of_evlrs: 1 });
+        }
+        self.tally.put_into(&mut self.header).map_err(|reason| LasError::write(self.file.path(), reason))?;
+        self.write_front(table_at)?;
+        self.file.sync()?;
+        Ok(())
+    }
+
+    /// Header, variable length records and, for LAZ, where the chunk table is.
+    fn write_front(&mut self, table_at: Option<u64>) -> Result<(), LasError> {
+        let mut front = Vec::new();
+        self.header.write_to(&mut front).map_err(|e| LasError::write(self.file.path(), e.to_string()))?;
+        front.extend_from_slice(&self.vlrs);
+        if self.laz.is_some() {
+            let table_at = table_at.map_or(-1, |at| at as i64);
+            front.extend_from_slice(&table_at.to_le_bytes());
+        }
+        self.file.write_all_at(&front, 0)?;
+        Ok(())
+    }
+
+    /// Writes pending records: all of them at the end, before that only whole
+    /// chunks, so that the file does not depend on the caller's portions.
+    fn flush(&mut self, all: bool) -> Result<(), LasError> {
+        let Some(laz) = &mut self.laz else {
+            self.file.write_all_at(&self.pending, self.position)?;
+            self.position += self.pending.len() as u64;
+            self.pending.clear();
+            return Ok(());
+        };
+        let chunk = CHUNK_POINTS as usize * self.record_length;
+        let whole = if all { self.pending.len() } else { self.pending.len() / chunk * chunk };
+        let compressed: Vec<Result<Vec<u8>, String>> =
+            self.pending[..whole].par_chunks(chunk).map(|records| laz.coding.encode(records)).collect();
+        for bytes in compressed {
+            let bytes = bytes.map_err(|reason| LasError::write(self.file.path(), reason))?;
+            self.file.write_all_at(&bytes, self.position)?;
+            self.position += bytes.len() as u64;
+            laz.table.push(ChunkTableEntry {
+                point_count: u64::from(CHUNK_POINTS),
+                byte_count: bytes.len() as u64,
+            });
+        }
+        self.pending.drain(..whole);
+        Ok(())
+    }
+}
+
+impl LazState {
+    fn new(point_format: u8, extra: u16) -> Result<LazState, String> {
+        let vlr = LazVlrBuilder::default()
+            .with_point_format(point_format, extra)
+            .map_err(|e| e.to_string())?
+            .with_fixed_chunk_size(CHUNK_POINTS)
+            .build();
+        let coding = Coding::new(vlr.items(), point_format)?;
+        Ok(LazState { vlr, coding, table: ChunkTable::with_capacity(0) })
+    }
+}
+
+impl Tally {
+    fn new(point_format: u8) -> Tally {
+        let return_mask = if point_format < 6 { 0b0111 } else { 0b1111 };
+        Tally { points: 0, returns: [0; 15], min: [i32::MAX; 3], max: [i32::MIN; 3], return_mask }
+    }
+
+    fn add(&mut self, records: &[u8], record_length: usize) {
+        for record in records.chunks_exact(record_length) {
+            for axis in 0..3 {
+                let at = 4 * axis;
+                let value = i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+                self.min[axis] = self.min[axis].min(value);
+                self.max[axis] = self.max[axis].max(value);
+            }
+            let number = record[14] & self.return_mask;
+            // A return number of 0 is not one; the header has no place for it.
+            if number > 0 {
+                self.returns[usize::from(number) - 1] += 1;
+            }
+            self.points += 1;
+        }
+    }
+
+    fn put_into(&self, header: &mut las::raw::Header) -> Result<(), String> {
+        let legacy = header.point_data_record_format & 0x3F < 6;
+        match u32::try_from(self.points) {
+            // The legacy counts are for formats that old readers know.
+            Ok(points) if legacy => {
+                header.number_of_point_records = points;
+                for (said, counted) in header.number_of_points_by_return.iter_mut().zip(self.returns) {
+                    *said = counted as u32;
+                }
+            }
+            Ok(_) => {}
+            Err(_) if header.version.minor >= 4 => {}
+            Err(_) => return Err(format!("{} points need LAS 1.4", self.points)),
+        }
+        header.large_file = (header.version.minor >= 4).then_some(las::raw::header::LargeFile {
+            number_of_point_records: self.points,
+            number_of_points_by_return: self.returns,
+        });
+        if self.points > 0 {
+            let x = |value: i32| f64::from(value) * header.x_scale_factor + header.x_offset;
+            let y = |value: i32| f64::from(value) * header.y_scale_factor + header.y_offset;
+            let z = |value: i32| f64::from(value) * header.z_scale_factor + header.z_offset;
+            let (min, max) = (self.min, self.max);
+            (header.min_x, header.max_x) = (x(min[0]), x(max[0]));
+            (header.min_y, header.max_y) = (y(min[1]), y(max[1]));
+            (header.min_z, header.max_z) = (z(min[2]), z(max[2]));
+        }
+        Ok(())
+    }
+}
+
+/// Whether these options can be written; the format's own record length.
+fn check(path: &Path, options: &LasOptions) -> Result<usize, LasError> {
+    let refuse = |reason: String| Err(LasError::write(path, reason));
+    let (major, minor) = options.version;
+    let Some(standard) = super::record_length(options.point_format) else {
+        return refuse(format!("there is no point format {}", options.point_format));
+    };
+    let needed = match options.point_format {
+        0..=1 => 0,
+        2..=3 => 2,
+        4..=5 => 3,
+        _ => 4,
+    };
+    if major != 1 || minor > 4 || minor < needed {
+        return refuse(format!(
+            "point format {} needs LAS 1.{needed} or later, up to 1.4, not {major}.{minor}",
+            options.point_format
+        ));
+    }
+    if options.scale.iter().any(|s| !s.is_finite() || *s <= 0.0)
+        || options.offset.iter().any(|o| !o.is_finite())
+    {
+        return refuse(format!("scale {:?} and offset {:?} are no lattice", options.scale, options.offset));
+    }
+    Ok(standard)
+}
+
+fn header(options: &LasOptions, record_length: u16, vlrs: &[u8]) -> las::raw::Header {
+    let version = las::Version::new(options.version.0, options.version.1);
+    let header_size = version.header_size();
+    let mut header = las::raw::Header {
+        version,
+        header_size,
+        offset_to_point_data: u32::from(header_size) + vlrs.len() as u32,
+        number_of_variable_length_records: vlr::count(vlrs),
+        point_data_record_format: options.point_format | if options.compressed { 0x80 } else { 0 },
+        point_data_record_length: record_length,
+        x_scale_factor: options.scale[0],
+        y_scale_factor: options.scale[1],
+        z_scale_factor: options.scale[2],
+        x_offset: options.offset[0],
+        y_offset: options.offset[1],
+        z_offset: options.offset[2],
+        ..las::raw::Header::default()
+    };
+    if options.version == (1, 4) && (options.crs_wkt.is_some() || options.point_format >= 6) {
+        header.global_encoding |= WKT_BIT;
+    }
+    header.system_identifier = [0; 32];
+    header.generating_software = [0; 32];
+    header.file_creation_day_of_year = 0;
+    header.file_creation_year = 0;
+    extra_bytes::put_text(&mut header.system_identifier, "OTHER");
+    extra_bytes::put_text(&mut header.generating_software, &options.software);
+    header
+}
