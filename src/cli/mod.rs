@@ -5,6 +5,7 @@ mod convert;
 mod info;
 mod progress;
 mod serve;
+mod signals;
 mod synth;
 mod verify;
 
