@@ -1,11 +1,117 @@
 //! `lodestone convert`.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use super::Exit;
+use super::progress::{self, Style};
+use crate::disk::Disk;
+use crate::engine::conduct::{self, Outcome, Request};
+use crate::stage::context::{Cancel, Context, Progress};
+use crate::stage::options::{Encoding, Options, Sampling};
 
-/// Convert LAS/LAZ files or folders into one Potree 2.0 octree.
+/// Convert LAS/LAZ files or folders into one Potree 2.0 octree
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// LAS or LAZ files, folders that hold some, or @LIST, a file that names one of these a line
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// The folder that becomes the octree
+    #[arg(short, long, visible_alias = "outdir", value_name = "DIR")]
+    output: PathBuf,
+    /// How coarse levels choose their points
+    #[arg(short = 'm', long, visible_alias = "method", ignore_case = true, default_value = "poisson")]
+    sampling: Sampling,
+    /// How points are stored
+    #[arg(long, ignore_case = true, default_value = "default")]
+    encoding: Encoding,
+    /// Attributes to keep, by name, separated by commas; all if not given
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    attributes: Vec<String>,
+    /// The octree's name in its metadata; the output folder's if not given
+    #[arg(long, visible_alias = "title")]
+    name: Option<String>,
+    /// Threads to work with; all that the machine or container grants if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Memory to work with, as in 512M or 16G; a quarter of what there is if not given
+    #[arg(long, value_name = "BYTES", value_parser = super::parse_bytes)]
+    memory_limit: Option<u64>,
+    /// Where intermediate files go; beside the output if not given
+    #[arg(long, value_name = "DIR")]
+    temp_dir: Option<PathBuf>,
+    /// Replace an octree that is there already, once the new one is complete
+    #[arg(long)]
+    overwrite: bool,
+    /// How to show progress (on stderr)
+    #[arg(long, ignore_case = true, default_value = "auto", value_name = "STYLE")]
+    progress: Style,
+}
 
-pub fn run(_arguments: Arguments) -> Exit {
-    Exit::Failed
+pub fn run(arguments: Arguments) -> Exit {
+    let output = arguments.output.clone();
+    let name = output.file_name().map(|n| n.to_string_lossy().into_owned());
+    let Some(name) = name else {
+        eprintln!("lodestone: {} is no name for a new folder", output.display());
+        return Exit::Usage;
+    };
+    let scratch_root = arguments.temp_dir.or_else(|| output.parent().map(PathBuf::from)).unwrap_or_default();
+    let context = Context {
+        disk: Disk::new(),
+        scratch: scratch_root.join(format!(".{name}.scratch-{}", std::process::id())),
+        threads: arguments.threads.map_or_else(crate::stage::machine::threads, usize::from),
+        memory_limit: arguments.memory_limit.unwrap_or_else(crate::stage::machine::default_memory_limit),
+        cancel: Cancel::default(),
+        progress: Arc::new(Progress::default()),
+    };
+    let request = Request {
+        inputs: arguments.inputs,
+        output,
+        overwrite: arguments.overwrite,
+        options: Options {
+            sampling: arguments.sampling,
+            encoding: arguments.encoding,
+            attributes: arguments.attributes,
+            name: arguments.name,
+        },
+    };
+    let style = arguments.progress;
+    let result = progress::shown(style, &context.progress, || conduct::convert(&request, &context));
+    match result {
+        Ok(outcome) => {
+            progress::finished(style, &outcome);
+            if style != Style::None && style != Style::Json {
+                print_outcome(&request, &outcome);
+            }
+            if outcome.points_set_aside > 0 { Exit::SetAside } else { Exit::Done }
+        }
+        Err(error) => {
+            progress::failed(style, &error);
+            super::failed(&error)
+        }
+    }
+}
+
+fn print_outcome(request: &Request, outcome: &Outcome) {
+    for note in &outcome.notes {
+        println!("note: {note}");
+    }
+    let seconds: f64 = outcome.seconds_by_stage.values().sum();
+    println!(
+        "{}: {} points in {} nodes, {} levels, {:.1} MB, in {:.2} s ({:.2} million points a second)",
+        request.output.display(),
+        super::grouped(outcome.points_out),
+        super::grouped(outcome.nodes),
+        outcome.depth + 1,
+        outcome.output_bytes as f64 / 1e6,
+        seconds,
+        outcome.points_out as f64 / seconds / 1e6,
+    );
+    match outcome.exact {
+        true => println!("every position is exactly where the input has it"),
+        false => println!(
+            "the inputs share no lattice: positions were rounded by at most {} of a unit",
+            outcome.max_error_units
+        ),
+    }
 }

@@ -1,7 +1,9 @@
 //! The command line: arguments in, exit code out. One file a command.
 
+mod config;
 mod convert;
 mod info;
+mod progress;
 mod serve;
 mod synth;
 mod verify;
@@ -46,6 +48,7 @@ enum Command {
     Verify(verify::Arguments),
     Info(info::Arguments),
     Serve(serve::Arguments),
+    Config(config::Arguments),
     Synth(synth::Arguments),
 }
 
@@ -58,6 +61,7 @@ pub fn run() -> ExitCode {
         Command::Verify(arguments) => verify::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
+        Command::Config(arguments) => config::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
     };
     ExitCode::from(exit as u8)
@@ -81,4 +85,63 @@ fn start_logging(arguments: &Arguments) {
 fn failed(error: &dyn std::error::Error) -> Exit {
     eprintln!("lodestone: {error}");
     Exit::Failed
+}
+
+/// Bytes from `512M`, `16GiB`, `1.5g` or a plain number; K, M, G and T are
+/// powers of 1024.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match lower[digits.len()..].trim_end_matches('b').trim_end_matches('i') {
+        "" => 1u64,
+        "k" => 1 << 10,
+        "m" => 1 << 20,
+        "g" => 1 << 30,
+        "t" => 1 << 40,
+        unit => return Err(format!("{unit:?} is no unit of memory; use K, M, G or T")),
+    };
+    let number: f64 =
+        digits.trim().parse().map_err(|_| format!("{text:?} is no amount of memory, such as 512M"))?;
+    let bytes = number * factor as f64;
+    if !(bytes >= 1.0 && bytes < 9e18) {
+        return Err(format!("{text:?} is no sensible amount of memory"));
+    }
+    Ok(bytes as u64)
+}
+
+/// A number with its digits in groups of three.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(' ');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_read_as_people_write_it() {
+        assert_eq!(parse_bytes("512M"), Ok(512 << 20));
+        assert_eq!(parse_bytes("16GiB"), Ok(16 << 30));
+        assert_eq!(parse_bytes("1.5g"), Ok(3 << 29));
+        assert_eq!(parse_bytes("1000"), Ok(1000));
+        assert!(
+            parse_bytes("12 parsecs").is_err() && parse_bytes("-1G").is_err() && parse_bytes("").is_err()
+        );
+    }
+
+    #[test]
+    fn digits_stand_in_groups() {
+        assert_eq!(
+            (grouped(5), grouped(1234), grouped(10_653_336)),
+            ("5".into(), "1 234".into(), "10 653 336".into())
+        );
+    }
 }

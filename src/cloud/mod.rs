@@ -5,4 +5,10 @@
 //! decides where a point belongs (DESIGN.md, decision 1).
 
 pub mod attribute;
+pub mod census;
+pub mod cube;
+pub mod lattice;
+pub mod node;
+pub mod plan;
+pub mod record;
 pub mod statistics;

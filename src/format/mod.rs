@@ -1,4 +1,5 @@
 //! Bytes of other people's formats, read and written; no policy.
 
+pub mod inputs;
 pub mod las;
 pub mod potree;

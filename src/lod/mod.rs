@@ -1,1 +1,10 @@
-//! (being built)
+//! Levels of detail: which points a coarse node shows, and in which order.
+//!
+//! Pure and single-threaded: one chunk's points in, its nodes out. Two threads
+//! never share a tree, so no result depends on their timing.
+
+pub mod order;
+pub mod poisson;
+pub mod random;
+pub mod sampler;
+pub mod tree;

@@ -1,5 +1,17 @@
 //! The stages of a conversion: plain synchronous functions from one value to
-//! the next, parallel inside. No SQLite, no HTTP, no async.
+//! the next, parallel inside. No SQLite, no HTTP, no async. Stages do not know
+//! each other's insides; they hand over values, and `engine::conduct` puts them
+//! in a row.
 
 pub mod context;
+pub mod distribute;
+pub mod error;
+pub mod index;
+pub mod machine;
+pub mod merge;
+pub mod nodes;
 pub mod options;
+pub mod output;
+pub mod publish;
+pub mod survey;
+pub mod workers;

@@ -1,0 +1,213 @@
+//! The census: how many points lie in which cell of a grid that covers the box
+//! of the points, not their cube ("Fast Out-of-Core Octree Generation", 4.1;
+//! the fitted grid is the dissertation's figure 2.12). Flat country then costs
+//! little memory and can afford more levels.
+//!
+//! Cells are nodes of one octree level. Where a cell turns out too full (the
+//! teapot in a stadium), a finer grid of its own is laid over it and the points
+//! are counted again, as often as it takes.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::node::NodeKey;
+
+/// Levels that a refinement adds at once: 32³ cells.
+const REFINEMENT_LEVELS: u32 = 5;
+
+/// Counts on the cells of one octree level within a box of cells.
+#[derive(Debug)]
+pub struct Grid {
+    /// Level of the octree whose nodes are this grid's cells.
+    pub level: u32,
+    /// Right shift from tree coordinates to cell coordinates.
+    shift: u32,
+    /// First cell, and cells per axis.
+    pub origin: [u32; 3],
+    pub dims: [u32; 3],
+    counts: Vec<AtomicU64>,
+    /// What a cell leads to, as the user of the grid sees fit.
+    pub links: Vec<u32>,
+}
+
+impl Grid {
+    fn new(bits: u32, level: u32, origin: [u32; 3], dims: [u32; 3]) -> Grid {
+        let cells = dims.iter().map(|d| *d as usize).product();
+        let mut counts = Vec::new();
+        counts.resize_with(cells, AtomicU64::default);
+        Grid { level, shift: bits - level, origin, dims, counts, links: Vec::new() }
+    }
+
+    /// The cell of tree coordinates, if the grid covers them.
+    #[inline]
+    pub fn cell(&self, tree: [u32; 3]) -> Option<usize> {
+        let c: [u32; 3] = std::array::from_fn(|a| (tree[a] >> self.shift).wrapping_sub(self.origin[a]));
+        if c[0] >= self.dims[0] || c[1] >= self.dims[1] || c[2] >= self.dims[2] {
+            return None;
+        }
+        Some(self.index(c))
+    }
+
+    fn index(&self, c: [u32; 3]) -> usize {
+        (c[2] as usize * self.dims[1] as usize + c[1] as usize) * self.dims[0] as usize + c[0] as usize
+    }
+
+    pub fn count(&self, cell: usize) -> u64 {
+        self.counts[cell].load(Ordering::Relaxed)
+    }
+
+    #[inline]
+    fn add(&self, cell: usize, points: u64) {
+        self.counts[cell].fetch_add(points, Ordering::Relaxed);
+    }
+
+    /// The node that a cell is.
+    fn node(&self, cell: usize) -> NodeKey {
+        let (dx, dy) = (self.dims[0] as usize, self.dims[1] as usize);
+        let c = [(cell % dx) as u32, (cell / dx % dy) as u32, (cell / dx / dy) as u32];
+        NodeKey { level: self.level as u8, at: std::array::from_fn(|a| self.origin[a] + c[a]) }
+    }
+}
+
+/// A cell link that leads to a finer grid instead of where the plan said.
+pub const REFINED: u32 = 1 << 31;
+/// A cell without a link.
+pub const NO_LINK: u32 = u32::MAX;
+
+/// All counts of a cloud: the grid over its box first, then the refinements.
+#[derive(Debug)]
+pub struct Census {
+    bits: u32,
+    pub grids: Vec<Grid>,
+    /// Grids from here on are the newest refinement, still to be counted.
+    fresh: usize,
+}
+
+impl Census {
+    /// An empty census over the box from `min` to `max` (tree coordinates,
+    /// inclusive) in a cube of 2^bits units, with at most `cells` cells.
+    pub fn new(bits: u32, min: [u32; 3], max: [u32; 3], cells: u64) -> Census {
+        let fits = |level: &u32| {
+            let shift = bits - level;
+            (0..3).map(|a| u64::from((max[a] >> shift) - (min[a] >> shift) + 1)).product::<u64>() <= cells
+        };
+        // Level 0 is one cell, which always fits.
+        let level = (0..=bits).take_while(fits).last().unwrap_or(0);
+        let shift = bits - level;
+        let origin = min.map(|c| c >> shift);
+        let dims = std::array::from_fn(|a| (max[a] >> shift) - origin[a] + 1);
+        Census { bits, grids: vec![Grid::new(bits, level, origin, dims)], fresh: 0 }
+    }
+
+    pub fn bits(&self) -> u32 {
+        self.bits
+    }
+
+    /// Counts points of a slice; can be called from many threads at once. In a
+    /// refinement only the refined cells' points are counted. Returns the
+    /// number of points outside the grid.
+    pub fn count(&self, points: impl Iterator<Item = [u32; 3]>) -> u64 {
+        // Neighbours in the file are mostly neighbours in space: a run of
+        // points in one cell becomes one atomic addition.
+        let (mut last_grid, mut last_cell, mut run) = (0, usize::MAX, 0);
+        let mut outside = 0;
+        for tree in points {
+            let Some((grid, cell)) = self.find(tree) else {
+                outside += 1;
+                continue;
+            };
+            if grid < self.fresh {
+                continue;
+            }
+            if cell != last_cell || grid != last_grid {
+                if run > 0 {
+                    self.grids[last_grid].add(last_cell, run);
+                }
+                (last_grid, last_cell, run) = (grid, cell, 0);
+            }
+            run += 1;
+        }
+        if run > 0 {
+            self.grids[last_grid].add(last_cell, run);
+        }
+        outside
+    }
+
+    /// The finest grid and its cell that hold tree coordinates.
+    #[inline]
+    pub fn find(&self, tree: [u32; 3]) -> Option<(usize, usize)> {
+        let mut grid = 0;
+        loop {
+            let g = &self.grids[grid];
+            let cell = g.cell(tree)?;
+            match g.links.get(cell) {
+                Some(link) if link & REFINED != 0 && *link != NO_LINK => grid = (link & !REFINED) as usize,
+                _ => return Some((grid, cell)),
+            }
+        }
+    }
+
+    /// Lays a finer grid over every cell of the newest grids that holds more
+    /// than `limit` points and can still be divided. Returns whether there is
+    /// anything to count again.
+    pub fn refine(&mut self, limit: u64) -> bool {
+        let first_new = self.grids.len();
+        let mut laid = Vec::new();
+        for grid in &mut self.grids[self.fresh..] {
+            if grid.links.is_empty() {
+                grid.links = vec![NO_LINK; grid.counts.len()];
+            }
+            let levels = REFINEMENT_LEVELS.min(self.bits - grid.level);
+            if levels == 0 {
+                continue;
+            }
+            for cell in 0..grid.counts.len() {
+                if grid.count(cell) > limit {
+                    grid.links[cell] = REFINED | (first_new + laid.len()) as u32;
+                    let origin = grid.node(cell).at.map(|c| c << levels);
+                    laid.push(Grid::new(self.bits, grid.level + levels, origin, [1 << levels; 3]));
+                }
+            }
+        }
+        self.fresh = first_new;
+        self.grids.extend(laid);
+        self.grids.len() > first_new
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_grid_fits_the_box() {
+        let census = Census::new(20, [0, 0, 0], [(1 << 20) - 1, (1 << 20) - 1, 999], 1 << 20);
+        assert_eq!((census.grids[0].level, census.grids[0].dims), (10, [1024, 1024, 1]));
+    }
+
+    #[test]
+    fn a_heavy_cell_is_refined_until_it_is_light_or_a_single_position() {
+        let points: Vec<[u32; 3]> =
+            (0..1000u32).map(|i| [i % 10, i / 10 % 10, 7]).chain((0..500).map(|_| [900, 900, 900])).collect();
+        let mut census = Census::new(10, [0; 3], [1023; 3], 8);
+        census.count(points.iter().copied());
+        while census.refine(100) {
+            census.count(points.iter().copied());
+        }
+        let (grid, cell) = census.find([900, 900, 900]).unwrap();
+        assert_eq!((census.grids[grid].level, census.grids[grid].count(cell)), (10, 500));
+        let total: u64 = points
+            .iter()
+            .map(|p| census.find(*p).unwrap())
+            .collect::<std::collections::BTreeSet<_>>()
+            .iter()
+            .map(|(g, c)| census.grids[*g].count(*c))
+            .sum();
+        assert_eq!(total, 1500);
+    }
+
+    #[test]
+    fn points_outside_are_told_not_lost_silently() {
+        let census = Census::new(10, [0; 3], [511, 511, 0], 1 << 12);
+        assert_eq!(census.count([[5, 5, 0], [5, 5, 900]].into_iter()), 1);
+    }
+}

@@ -1,0 +1,472 @@
+//! From raw LAS records to the octree's records.
+//!
+//! Raw records stay raw, through scratch files too, until a point is written
+//! into its node: then, once, its fields are moved to where the octree's schema
+//! has them. Layouts of the point formats 0 to 10: LAS 1.4 R15, tables 7 to 17.
+
+use super::attribute::{Attribute, ExtraField, Scalar, Schema};
+
+/// One file's raw records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// LAS point format, 0 to 10.
+    pub format: u8,
+    /// Bytes a record, extra bytes included.
+    pub record_length: usize,
+    pub extra: Vec<ExtraField>,
+}
+
+/// A field of a raw record: whole bytes, or some bits of one byte.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Bytes { at: usize, len: usize },
+    Bits { at: usize, shift: u8, mask: u8 },
+}
+
+/// A standard field, where it lies, and whether viewers expect the attribute
+/// even where it is zero throughout.
+struct Field {
+    name: &'static str,
+    scalar: Scalar,
+    elements: usize,
+    place: Place,
+    always: bool,
+}
+
+const fn field(name: &'static str, scalar: Scalar, elements: usize, at: usize) -> Field {
+    let place = Place::Bytes { at, len: scalar.size() * elements };
+    Field { name, scalar, elements, place, always: true }
+}
+
+const fn bits(name: &'static str, at: usize, shift: u8, mask: u8, always: bool) -> Field {
+    Field { name, scalar: Scalar::U8, elements: 1, place: Place::Bits { at, shift, mask }, always }
+}
+
+const fn optional(field: Field) -> Field {
+    Field { always: false, ..field }
+}
+
+/// The standard fields of a point format behind the position, in the order in
+/// which viewers list them (FORMATS.md); what they have no name for comes last.
+fn fields(format: u8) -> Vec<Field> {
+    let mut fields = vec![field("intensity", Scalar::U16, 1, 12)];
+    if format < 6 {
+        fields.extend([
+            bits("return number", 14, 0, 7, true),
+            bits("number of returns", 14, 3, 7, true),
+            bits("classification flags", 15, 5, 7, false),
+            bits("classification", 15, 0, 31, true),
+            field("scan angle rank", Scalar::U8, 1, 16),
+            field("user data", Scalar::U8, 1, 17),
+            field("point source id", Scalar::U16, 1, 18),
+        ]);
+    } else {
+        fields.extend([
+            bits("return number", 14, 0, 15, true),
+            bits("number of returns", 14, 4, 15, true),
+            bits("classification flags", 15, 0, 15, true),
+            field("classification", Scalar::U8, 1, 16),
+            field("scan angle", Scalar::I16, 1, 18),
+            field("user data", Scalar::U8, 1, 17),
+            field("point source id", Scalar::U16, 1, 20),
+        ]);
+    }
+    match format {
+        1 | 4 => fields.push(field("gps-time", Scalar::F64, 1, 20)),
+        2 => fields.push(field("rgb", Scalar::U16, 3, 20)),
+        3 | 5 => {
+            fields.extend([field("gps-time", Scalar::F64, 1, 20), field("rgb", Scalar::U16, 3, 28)]);
+        }
+        6 | 9 => fields.push(field("gps-time", Scalar::F64, 1, 22)),
+        7 | 8 | 10 => {
+            fields.extend([field("gps-time", Scalar::F64, 1, 22), field("rgb", Scalar::U16, 3, 30)]);
+        }
+        _ => {}
+    }
+    if matches!(format, 8 | 10) {
+        fields.push(optional(field("nir", Scalar::U16, 1, 36)));
+    }
+    if format < 6 {
+        fields.extend([
+            bits("scan direction flag", 14, 6, 1, false),
+            bits("edge of flight line", 14, 7, 1, false),
+        ]);
+    } else {
+        fields.extend([
+            bits("scanner channel", 15, 4, 3, false),
+            bits("scan direction flag", 15, 6, 1, false),
+            bits("edge of flight line", 15, 7, 1, false),
+        ]);
+    }
+    if let Some(at) = waveform_at(format) {
+        fields.extend(
+            [
+                field("wave packet descriptor index", Scalar::U8, 1, at),
+                field("byte offset to waveform data", Scalar::U64, 1, at + 1),
+                field("waveform packet size", Scalar::U32, 1, at + 9),
+                field("return point waveform location", Scalar::F32, 1, at + 13),
+                field("x(t)", Scalar::F32, 1, at + 17),
+                field("y(t)", Scalar::F32, 1, at + 21),
+                field("z(t)", Scalar::F32, 1, at + 25),
+            ]
+            .map(optional),
+        );
+    }
+    fields
+}
+
+/// Where the wave packet starts in a record, for the formats that have one.
+fn waveform_at(format: u8) -> Option<usize> {
+    match format {
+        4 => Some(28),
+        5 => Some(34),
+        9 => Some(30),
+        10 => Some(38),
+        _ => None,
+    }
+}
+
+impl Source {
+    /// Every attribute the records hold, with where it lies.
+    fn attributes(&self) -> Vec<(Attribute, Place, bool)> {
+        let standard = fields(self.format)
+            .into_iter()
+            .map(|f| (Attribute::new(f.name, f.scalar, f.elements), f.place, f.always));
+        let extra = self.extra.iter().map(|e| {
+            let mut attribute = Attribute::new(&e.name, e.scalar, e.elements);
+            attribute.description.clone_from(&e.description);
+            if !e.scale.is_empty() {
+                attribute.scale.clone_from(&e.scale);
+            }
+            if !e.offset.is_empty() {
+                attribute.offset.clone_from(&e.offset);
+            }
+            let place = Place::Bytes { at: e.position, len: attribute.size() };
+            (attribute, place, true)
+        });
+        standard.chain(extra).collect()
+    }
+
+    /// Whether a field is anywhere but zero, by the bytes of all records ORed
+    /// into one.
+    fn is_used(place: Place, ored: &[u8]) -> bool {
+        match place {
+            Place::Bytes { at, len } => ored[at..at + len].iter().any(|b| *b != 0),
+            Place::Bits { at, shift, mask } => ored[at] >> shift & mask != 0,
+        }
+    }
+}
+
+/// ORs records into one record, so that what no record uses shows as zero.
+pub fn or_records(ored: &mut [u8], records: &[u8]) {
+    for record in records.chunks_exact(ored.len()) {
+        // Eight bytes at a time; the tail overlaps, which OR does not mind.
+        for (to, from) in ored.iter_mut().zip(record) {
+            *to |= from;
+        }
+    }
+}
+
+/// Where each source's fields go: the schema all files share, and the source's
+/// attributes by their place in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unified {
+    pub schema: Schema,
+    /// Names that were left out because no record uses them.
+    pub unused: Vec<String>,
+    /// Names that were left out because others were asked for.
+    pub left_out: Vec<String>,
+    movers: Vec<Mover>,
+}
+
+impl Unified {
+    /// The schema that holds every attribute of every source. `ored` has each
+    /// source's records ORed into one. `wanted` names the attributes to keep,
+    /// all where it is empty.
+    pub fn new(sources: &[(Source, Vec<u8>)], wanted: &[String]) -> Unified {
+        let mut merged: Vec<(Attribute, bool)> = Vec::new();
+        let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
+        for (source, ored) in sources {
+            let mut of_source = Vec::new();
+            for (attribute, place, always) in source.attributes() {
+                let used = always || Source::is_used(place, ored);
+                let taken: Vec<usize> = of_source.iter().map(|(i, _)| *i).collect();
+                let index = merge(&mut merged, attribute, used, &taken);
+                of_source.push((index, place));
+            }
+            places.push(of_source);
+        }
+        let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w.eq_ignore_ascii_case(name));
+        let mut schema = Schema { attributes: vec![position()] };
+        let (mut unused, mut left_out) = (Vec::new(), Vec::new());
+        let mut at = schema.record_size();
+        let mut offsets = vec![None; merged.len()];
+        for index in viewing_order(&merged) {
+            let (attribute, used) = &merged[index];
+            if !used {
+                unused.push(attribute.name.clone());
+            } else if !wants(&attribute.name) {
+                left_out.push(attribute.name.clone());
+            } else {
+                offsets[index] = Some(at);
+                at += attribute.size();
+                schema.attributes.push(attribute.clone());
+            }
+        }
+        let movers = places.iter().map(|p| Mover::new(p, &offsets)).collect();
+        Unified { schema, unused, left_out, movers }
+    }
+
+    /// How to move the fields of a source's records.
+    pub fn mover(&self, source: usize) -> &Mover {
+        &self.movers[source]
+    }
+}
+
+fn position() -> Attribute {
+    Attribute::new("position", Scalar::I32, 3)
+}
+
+/// Finds or adds an attribute among those of all sources. One of the same name
+/// but another type, or a second one of the same file, gets a number.
+fn merge(
+    merged: &mut Vec<(Attribute, bool)>,
+    mut attribute: Attribute,
+    used: bool,
+    taken: &[usize],
+) -> usize {
+    let base = attribute.name.clone();
+    for number in 2.. {
+        let found = merged.iter().position(|(m, _)| m.name == attribute.name);
+        let reserved = attribute.name == "position";
+        match found {
+            None if !reserved => {
+                merged.push((attribute, used));
+                return merged.len() - 1;
+            }
+            Some(i) if !taken.contains(&i) && same_values(&merged[i].0, &attribute) => {
+                merged[i].1 |= used;
+                return i;
+            }
+            _ => attribute.name = format!("{base} ({number})"),
+        }
+    }
+    unreachable!("numbers do not run out")
+}
+
+fn same_values(a: &Attribute, b: &Attribute) -> bool {
+    (a.scalar, a.elements) == (b.scalar, b.elements) && a.scale == b.scale && a.offset == b.offset
+}
+
+/// Standard attributes in the order viewers list them, then the others in the
+/// order in which they were met.
+fn viewing_order(merged: &[(Attribute, bool)]) -> Vec<usize> {
+    const ORDER: [&str; 22] = [
+        "intensity",
+        "return number",
+        "number of returns",
+        "classification flags",
+        "classification",
+        "scan angle rank",
+        "scan angle",
+        "user data",
+        "point source id",
+        "gps-time",
+        "rgb",
+        "nir",
+        "scanner channel",
+        "scan direction flag",
+        "edge of flight line",
+        "wave packet descriptor index",
+        "byte offset to waveform data",
+        "waveform packet size",
+        "return point waveform location",
+        "x(t)",
+        "y(t)",
+        "z(t)",
+    ];
+    let mut order: Vec<usize> = (0..merged.len()).collect();
+    order.sort_by_key(|i| ORDER.iter().position(|name| *name == merged[*i].0.name).unwrap_or(ORDER.len()));
+    order
+}
+
+/// The moves that turn one source's raw record into an octree record.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mover {
+    copies: Vec<(usize, usize, usize)>,
+    bits: Vec<(usize, u8, u8, usize)>,
+}
+
+impl Mover {
+    fn new(places: &[(usize, Place)], offsets: &[Option<usize>]) -> Mover {
+        let mut mover = Mover::default();
+        for (index, place) in places {
+            let Some(to) = offsets[*index] else { continue };
+            match *place {
+                Place::Bytes { at, len } => mover.copies.push((at, to, len)),
+                Place::Bits { at, shift, mask } => mover.bits.push((at, shift, mask, to)),
+            }
+        }
+        // Fields that are neighbours on both sides move as one.
+        mover.copies.sort_unstable();
+        let mut joined: Vec<(usize, usize, usize)> = Vec::new();
+        for (at, to, len) in mover.copies {
+            match joined.last_mut() {
+                Some((a, t, l)) if *a + *l == at && *t + *l == to => *l += len,
+                _ => joined.push((at, to, len)),
+            }
+        }
+        mover.copies = joined;
+        mover
+    }
+
+    /// Fills `out`, a zeroed record of the schema, but for the position.
+    #[inline]
+    pub fn apply(&self, raw: &[u8], out: &mut [u8]) {
+        for &(at, to, len) in &self.copies {
+            copy_short(&raw[at..at + len], &mut out[to..to + len]);
+        }
+        for &(at, shift, mask, to) in &self.bits {
+            out[to] = raw[at] >> shift & mask;
+        }
+    }
+}
+
+/// Copies a few bytes; lengths that occur all the time become single moves
+/// instead of a call to memcpy.
+#[inline(always)]
+fn copy_short(from: &[u8], to: &mut [u8]) {
+    match from.len() {
+        1 => to[0] = from[0],
+        2 => to[..2].copy_from_slice(&from[..2]),
+        4 => to[..4].copy_from_slice(&from[..4]),
+        8 => to[..8].copy_from_slice(&from[..8]),
+        10 => {
+            to[..8].copy_from_slice(&from[..8]);
+            to[8..10].copy_from_slice(&from[8..10]);
+        }
+        12 => {
+            to[..8].copy_from_slice(&from[..8]);
+            to[8..12].copy_from_slice(&from[8..12]);
+        }
+        18 => {
+            to[..16].copy_from_slice(&from[..16]);
+            to[16..18].copy_from_slice(&from[16..18]);
+        }
+        _ => to.copy_from_slice(from),
+    }
+}
+
+/// The position of a raw record, as the file's integers.
+#[inline]
+pub fn raw_position(record: &[u8]) -> [i32; 3] {
+    let axis = |at: usize| i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+    [axis(0), axis(4), axis(8)]
+}
+
+/// Writes the position at the start of an octree record.
+#[inline]
+pub fn put_position(out: &mut [u8], stored: [i32; 3]) {
+    for (to, axis) in out[..12].chunks_exact_mut(4).zip(stored) {
+        to.copy_from_slice(&axis.to_le_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(format: u8, record_length: usize) -> Source {
+        Source { format, record_length, extra: Vec::new() }
+    }
+
+    fn names(u: &Unified) -> Vec<&str> {
+        u.schema.attributes.iter().map(|a| a.name.as_str()).collect()
+    }
+
+    #[test]
+    fn format_2_is_as_viewers_know_it() {
+        let u = Unified::new(&[(source(2, 26), vec![0; 26])], &[]);
+        assert_eq!(
+            names(&u),
+            [
+                "position",
+                "intensity",
+                "return number",
+                "number of returns",
+                "classification",
+                "scan angle rank",
+                "user data",
+                "point source id",
+                "rgb"
+            ]
+        );
+        assert_eq!(u.schema.record_size(), 27);
+        assert_eq!(u.mover(0).copies, vec![(12, 12, 2), (16, 17, 10)]);
+    }
+
+    #[test]
+    fn bits_without_a_place_get_one_when_they_are_used() {
+        let mut ored = vec![0; 20];
+        ored[14] = 0b1000_0000;
+        ored[15] = 0b0100_0000;
+        let u = Unified::new(&[(source(0, 20), ored.clone())], &[]);
+        assert!(names(&u).contains(&"edge of flight line"));
+        assert!(names(&u).contains(&"classification flags"));
+        assert!(!names(&u).contains(&"scan direction flag"));
+        let mut out = vec![0; u.schema.record_size()];
+        u.mover(0).apply(&ored, &mut out);
+        assert_eq!(out[u.schema.offset_of("edge of flight line").unwrap()], 1);
+        assert_eq!(out[u.schema.offset_of("classification flags").unwrap()], 2);
+        assert_eq!(out[u.schema.offset_of("classification").unwrap()], 0);
+    }
+
+    #[test]
+    fn every_bit_of_every_format_has_a_place() {
+        for (format, len) in [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67].into_iter().enumerate() {
+            let s = source(format as u8, len);
+            let mut covered = vec![0u8; len];
+            covered[..12].fill(0xff);
+            for (_, place, _) in s.attributes() {
+                match place {
+                    Place::Bytes { at, len } => covered[at..at + len].iter_mut().for_each(|b| {
+                        assert_eq!(*b, 0, "format {format}: overlap");
+                        *b = 0xff;
+                    }),
+                    Place::Bits { at, shift, mask } => {
+                        assert_eq!(covered[at] & (mask << shift), 0, "format {format}: overlap");
+                        covered[at] |= mask << shift;
+                    }
+                }
+            }
+            assert!(covered.iter().all(|b| *b == 0xff), "format {format}: {covered:?}");
+        }
+    }
+
+    #[test]
+    fn extra_bytes_of_the_same_name_but_another_type_stay_apart() {
+        let extra = |scalar: Scalar| ExtraField {
+            name: "height".into(),
+            description: String::new(),
+            scalar,
+            elements: 1,
+            position: 20,
+            scale: vec![],
+            offset: vec![],
+        };
+        let a = Source { format: 0, record_length: 24, extra: vec![extra(Scalar::F32)] };
+        let b = Source { format: 0, record_length: 28, extra: vec![extra(Scalar::F64)] };
+        let u = Unified::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[]);
+        assert!(names(&u).contains(&"height") && names(&u).contains(&"height (2)"));
+    }
+
+    #[test]
+    fn wanted_attributes_only() {
+        let u = Unified::new(&[(source(3, 34), vec![1; 34])], &["RGB".into()]);
+        assert_eq!(names(&u), ["position", "rgb"]);
+        let raw: Vec<u8> = (0..34).collect();
+        let mut out = vec![0; 18];
+        u.mover(0).apply(&raw, &mut out);
+        assert_eq!(&out[12..], &raw[28..]);
+    }
+}

@@ -1,0 +1,124 @@
+//! Which files a person means: files, folders with all LAS and LAZ below them,
+//! and `@list` files that name one of either a line.
+
+use std::collections::HashSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, thiserror::Error)]
+pub enum InputsError {
+    #[error("could not read {}: {source}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    #[error("there is no LAS or LAZ file in {}; name files, or a folder that holds some", .0.display())]
+    EmptyFolder(PathBuf),
+    #[error("{} names no input", .0.display())]
+    EmptyList(PathBuf),
+    #[error("lists of files are nested more than {0} deep; does {1} name itself?")]
+    Nested(usize, String),
+}
+
+const DEEPEST_LIST: usize = 8;
+
+/// Whether a file's name ends as LAS and LAZ files' do, in any letter case.
+pub fn is_las_name(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz"))
+}
+
+/// All files meant by the arguments, each once, those of a folder by name.
+pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>, InputsError> {
+    let mut files = Vec::new();
+    for argument in arguments {
+        expand_one(argument, 0, &mut files)?;
+    }
+    let mut seen = HashSet::new();
+    files.retain(|file| seen.insert(fs::canonicalize(file).unwrap_or_else(|_| file.clone())));
+    Ok(files)
+}
+
+fn expand_one(argument: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), InputsError> {
+    let text = argument.to_string_lossy();
+    if let Some(list) = text.strip_prefix('@').filter(|_| !argument.exists()) {
+        if depth >= DEEPEST_LIST {
+            return Err(InputsError::Nested(DEEPEST_LIST, list.to_string()));
+        }
+        return expand_list(Path::new(list), depth, files);
+    }
+    let read = |source| InputsError::Read { path: argument.to_path_buf(), source };
+    if !fs::metadata(argument).map_err(read)?.is_dir() {
+        files.push(argument.to_path_buf());
+        return Ok(());
+    }
+    let before = files.len();
+    walk(argument, files).map_err(read)?;
+    if files.len() == before {
+        return Err(InputsError::EmptyFolder(argument.to_path_buf()));
+    }
+    Ok(())
+}
+
+/// One input a line; empty lines and lines from `#` on are skipped; relative
+/// names start at the list's own folder.
+fn expand_list(list: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), InputsError> {
+    let text =
+        fs::read_to_string(list).map_err(|source| InputsError::Read { path: list.to_path_buf(), source })?;
+    let folder = list.parent().unwrap_or(Path::new(""));
+    let before = files.len();
+    for line in text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')) {
+        match line.strip_prefix('@') {
+            Some(nested) => {
+                let nested = format!("@{}", folder.join(nested).display());
+                expand_one(Path::new(&nested), depth + 1, files)?;
+            }
+            None => expand_one(&folder.join(line), depth + 1, files)?,
+        }
+    }
+    if files.len() == before {
+        return Err(InputsError::EmptyList(list.to_path_buf()));
+    }
+    Ok(())
+}
+
+/// LAS and LAZ files below a folder, sorted; links to folders are not followed,
+/// so that no circle of them is walked for ever.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
+    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
+    entries.sort_by_key(|e| e.file_name());
+    for entry in entries {
+        let kind = entry.file_type()?;
+        if kind.is_dir() {
+            walk(&entry.path(), files)?;
+        } else if is_las_name(&entry.path()) && entry.path().is_file() {
+            files.push(entry.path());
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_and_lists_name_files() {
+        let root = tempfile::tempdir().unwrap();
+        let at = |name: &str| root.path().join(name);
+        fs::create_dir(at("tiles")).unwrap();
+        for name in ["tiles/b.LAZ", "tiles/a.las", "tiles/readme.txt", "ünï cödé.las"] {
+            fs::write(at(name), b"").unwrap();
+        }
+        fs::write(at("list.txt"), "# tiles\ntiles\n\nünï cödé.las\ntiles/a.las\n").unwrap();
+        let list = PathBuf::from(format!("@{}", at("list.txt").display()));
+        assert_eq!(expand(&[list]).unwrap(), [at("tiles/a.las"), at("tiles/b.LAZ"), at("ünï cödé.las")]);
+        fs::write(at("loop.txt"), "@loop.txt").unwrap();
+        let looped = PathBuf::from(format!("@{}", at("loop.txt").display()));
+        assert!(matches!(expand(&[looped]), Err(InputsError::Nested(..))));
+        fs::create_dir(at("empty")).unwrap();
+        assert!(matches!(expand(&[at("empty")]), Err(InputsError::EmptyFolder(_))));
+        assert!(matches!(expand(&[at("missing.las")]), Err(InputsError::Read { .. })));
+    }
+}

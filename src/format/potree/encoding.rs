@@ -1,0 +1,274 @@
+//! octree.bin: the points of one node, from records to bytes and back.
+//!
+//! DEFAULT is the records one behind the other. BROTLI is one brotli stream of
+//! attribute columns, points in Morton order; there `position` and `rgb` are
+//! Morton codes, as [`super::morton`] has them.
+
+use std::io::Read;
+
+use super::error::{PotreeError, Result};
+use super::metadata::Encoding;
+use super::morton;
+use crate::cloud::attribute::{Attribute, Scalar, Schema};
+
+/// Bytes of a decoded node beyond which it is not believed. A node that large
+/// (some 25 million points) is of no use to a viewer.
+pub const LARGEST_NODE: u64 = 1 << 30;
+
+/// How an attribute's values stand in a BROTLI column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Column {
+    /// Two Morton codes.
+    Position,
+    /// One Morton code.
+    Color,
+    /// The bytes of the record.
+    Plain,
+}
+
+impl Column {
+    fn of(attribute: &Attribute) -> Column {
+        match (attribute.name.as_str(), attribute.scalar, attribute.elements) {
+            ("position", Scalar::I32, 3) => Column::Position,
+            ("rgb", Scalar::U16, 3) => Column::Color,
+            _ => Column::Plain,
+        }
+    }
+
+    /// Bytes a point.
+    fn width(self, attribute: &Attribute) -> usize {
+        match self {
+            Column::Position => 16,
+            Column::Color => 8,
+            Column::Plain => attribute.size(),
+        }
+    }
+}
+
+/// Columns with the place of their attribute in the record.
+fn columns(schema: &Schema) -> impl Iterator<Item = (Column, usize, &Attribute)> {
+    let mut offset = 0;
+    schema.attributes.iter().map(move |attribute| {
+        let start = offset;
+        offset += attribute.size();
+        (Column::of(attribute), start, attribute)
+    })
+}
+
+/// Appends the brotli stream of a node's records (schema order, no padding) to
+/// `out`; nothing where there are no records. `quality` is brotli's, 0 to 11.
+pub fn encode_brotli(schema: &Schema, records: &[u8], quality: u32, out: &mut Vec<u8>) -> Result<()> {
+    let record_size = schema.record_size();
+    if records.is_empty() || record_size == 0 {
+        return Ok(());
+    }
+    let order = morton_order(schema, records);
+    let mut columns_bytes = Vec::with_capacity(records.len() + order.len() * 6);
+    for (column, start, attribute) in columns(schema) {
+        for &index in &order {
+            let value = &records[index as usize * record_size + start..][..attribute.size()];
+            match column {
+                Column::Position => {
+                    let (high, low) = morton::encode_position(three(value, i32::from_le_bytes));
+                    columns_bytes.extend(high.to_le_bytes());
+                    columns_bytes.extend(low.to_le_bytes());
+                }
+                Column::Color => {
+                    columns_bytes.extend(morton::encode(three(value, u16::from_le_bytes)).to_le_bytes());
+                }
+                Column::Plain => columns_bytes.extend_from_slice(value),
+            }
+        }
+    }
+    compress(&columns_bytes, quality, out)
+}
+
+/// The records' indices in the order of their positions' Morton codes; equal
+/// positions stay in the order they have.
+fn morton_order(schema: &Schema, records: &[u8]) -> Vec<u32> {
+    let count = records.len() / schema.record_size();
+    let Some((_, start, attribute)) = columns(schema).find(|c| c.0 == Column::Position) else {
+        return (0..count as u32).collect();
+    };
+    let code = |record: &[u8]| {
+        morton::encode_position(three(&record[start..start + attribute.size()], i32::from_le_bytes))
+    };
+    let mut codes: Vec<((u64, u64), u32)> =
+        records.chunks_exact(schema.record_size()).map(code).zip(0..).collect();
+    codes.sort_unstable();
+    codes.into_iter().map(|(_, index)| index).collect()
+}
+
+fn compress(bytes: &[u8], quality: u32, out: &mut Vec<u8>) -> Result<()> {
+    let parameters = brotli::enc::BrotliEncoderParams {
+        quality: quality.min(11) as i32,
+        // The smallest window that holds the node: the encoder's tables and the
+        // viewer's ring buffer grow with it.
+        lgwin: (bytes.len().max(2).ilog2() as i32 + 1).clamp(10, 22),
+        size_hint: bytes.len(),
+        ..Default::default()
+    };
+    let mut input = bytes;
+    brotli::BrotliCompress(&mut input, out, &parameters).map_err(PotreeError::Compress)?;
+    Ok(())
+}
+
+/// The records of a node from its bytes in octree.bin, in the order in which
+/// they are stored.
+pub fn decode_node(schema: &Schema, encoding: Encoding, points: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+    let record_size = schema.record_size();
+    match encoding {
+        Encoding::Default => {
+            if bytes.len() as u64 != u64::from(points) * record_size as u64 {
+                return Err(damaged(format!(
+                    "{points} points of {record_size} bytes are not {} bytes",
+                    bytes.len()
+                )));
+            }
+            Ok(bytes.to_vec())
+        }
+        Encoding::Brotli if points == 0 && bytes.is_empty() => Ok(Vec::new()),
+        Encoding::Brotli => {
+            let count = points as usize;
+            let columns_bytes = decompress(schema, count, bytes)?;
+            let mut records = vec![0; count * record_size];
+            let mut rest = columns_bytes.as_slice();
+            for (column, start, attribute) in columns(schema) {
+                let (values, behind) = rest.split_at(count * column.width(attribute));
+                rest = behind;
+                let values = values.chunks_exact(column.width(attribute));
+                for (record, value) in records.chunks_exact_mut(record_size).zip(values) {
+                    put_value(column, value, &mut record[start..start + attribute.size()]);
+                }
+            }
+            Ok(records)
+        }
+    }
+}
+
+fn put_value(column: Column, value: &[u8], into: &mut [u8]) {
+    match column {
+        Column::Position => {
+            let position = morton::decode_position(word(&value[..8]), word(&value[8..]));
+            into.chunks_exact_mut(4).zip(position).for_each(|(to, p)| to.copy_from_slice(&p.to_le_bytes()));
+        }
+        Column::Color => {
+            let color = morton::decode(word(value));
+            into.chunks_exact_mut(2).zip(color).for_each(|(to, c)| to.copy_from_slice(&c.to_le_bytes()));
+        }
+        Column::Plain => into.copy_from_slice(value),
+    }
+}
+
+/// The columns of a node. Memory grows with what the stream really holds, up to
+/// what the number of points asks for.
+fn decompress(schema: &Schema, points: usize, bytes: &[u8]) -> Result<Vec<u8>> {
+    let width: usize = columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum();
+    let expected = (points as u64).saturating_mul(width as u64);
+    if expected > LARGEST_NODE {
+        return Err(damaged(format!("it is said to hold {points} points, more than is believable")));
+    }
+    let mut columns_bytes = Vec::new();
+    let mut stream = brotli::Decompressor::new(bytes, 4096);
+    let read = (&mut stream).take(expected + 1).read_to_end(&mut columns_bytes);
+    read.map_err(|error| damaged(format!("its brotli stream does not decode ({error})")))?;
+    if columns_bytes.len() as u64 != expected {
+        let (is, than) = match columns_bytes.len() as u64 > expected {
+            true => ("more", expected),
+            false => ("less", expected),
+        };
+        return Err(damaged(format!(
+            "its brotli stream holds {is} than the {than} bytes of {points} points"
+        )));
+    }
+    Ok(columns_bytes)
+}
+
+fn damaged(what: String) -> PotreeError {
+    PotreeError::Points(what)
+}
+
+/// Three little-endian numbers.
+fn three<const N: usize, T: Copy + Default>(bytes: &[u8], parse: fn([u8; N]) -> T) -> [T; 3] {
+    std::array::from_fn(|i| {
+        bytes.get(i * N..).and_then(|b| b.first_chunk()).map_or(T::default(), |b| parse(*b))
+    })
+}
+
+fn word(bytes: &[u8]) -> u64 {
+    bytes.first_chunk().map_or(0, |b| u64::from_le_bytes(*b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn schema() -> Schema {
+        let attributes = vec![
+            Attribute::new("position", Scalar::I32, 3),
+            Attribute::new("intensity", Scalar::U16, 1),
+            Attribute::new("gps-time", Scalar::F64, 1),
+            Attribute::new("rgb", Scalar::U16, 3),
+            Attribute::new("extra", Scalar::U8, 3),
+        ];
+        Schema { attributes }
+    }
+
+    fn sorted(records: &[u8], size: usize) -> Vec<&[u8]> {
+        let mut records: Vec<&[u8]> = records.chunks_exact(size).collect();
+        records.sort_unstable();
+        records
+    }
+
+    proptest! {
+        #[test]
+        fn records_come_back_in_morton_order(
+            bytes in proptest::collection::vec(any::<u8>(), 0..31 * 50),
+            quality in prop_oneof![Just(1u32), Just(6)],
+        ) {
+            let size = schema().record_size();
+            let points = bytes.len() / size;
+            let records = &bytes[..points * size];
+            let mut stream = Vec::new();
+            encode_brotli(&schema(), records, quality, &mut stream).unwrap();
+            prop_assert_eq!(stream.is_empty(), points == 0);
+            let decoded = decode_node(&schema(), Encoding::Brotli, points as u32, &stream).unwrap();
+            prop_assert_eq!(sorted(&decoded, size), sorted(records, size));
+            let codes: Vec<_> = decoded
+                .chunks_exact(size)
+                .map(|record| morton::encode_position(three(record, i32::from_le_bytes)))
+                .collect();
+            prop_assert!(codes.is_sorted());
+        }
+
+        #[test]
+        fn noise_does_no_harm(bytes in proptest::collection::vec(any::<u8>(), 0..300), points in any::<u32>()) {
+            prop_assert!(decode_node(&schema(), Encoding::Brotli, points.max(1), &bytes).is_err());
+            prop_assert!(decode_node(&schema(), Encoding::Default, points | 64, &bytes).is_err());
+        }
+    }
+
+    /// Equal positions keep their order, so that equal input makes equal bytes.
+    #[test]
+    fn equal_positions_keep_their_order() {
+        let schema = Schema {
+            attributes: vec![Attribute::new("position", Scalar::I32, 3), Attribute::new("n", Scalar::U8, 1)],
+        };
+        let records: Vec<u8> = (0..200u8).flat_map(|n| [[0; 12].as_slice(), &[n]].concat()).collect();
+        let mut stream = Vec::new();
+        encode_brotli(&schema, &records, 6, &mut stream).unwrap();
+        assert_eq!(decode_node(&schema, Encoding::Brotli, 200, &stream).unwrap(), records);
+    }
+
+    #[test]
+    fn a_wrong_count_is_an_error_either_way() {
+        let records = vec![7; schema().record_size() * 5];
+        let mut stream = Vec::new();
+        encode_brotli(&schema(), &records, 6, &mut stream).unwrap();
+        for points in [4, 6, u32::MAX] {
+            assert!(decode_node(&schema(), Encoding::Brotli, points, &stream).is_err(), "{points}");
+        }
+        assert!(decode_node(&schema(), Encoding::Brotli, 5, &stream[..stream.len() - 1]).is_err());
+    }
+}

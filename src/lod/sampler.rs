@@ -1,0 +1,28 @@
+//! What a sampling strategy is ("Fast Out-of-Core Octree Generation",
+//! section 5): from the points of a node's children it picks those that the
+//! node itself shows.
+
+use crate::cloud::cube::Frame;
+use crate::cloud::node::NodeKey;
+
+/// A point on its way through the tree: where it lies, and which it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(C)]
+pub struct Item {
+    /// Tree coordinates.
+    pub at: [u32; 3],
+    /// The point's number among those of its chunk, in input order.
+    pub index: u32,
+}
+
+/// Picks samples. Deterministic: the choice depends on the candidates, their
+/// order and the node alone (and, for samplers that honour neighbours, on the
+/// nodes of the same level that were sampled before in this chunk).
+pub trait Sampler {
+    /// Decides for each candidate, in the order given, whether the node takes
+    /// it: `taken` gets one flag a candidate.
+    fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>);
+
+    /// Forgets what it knows of the nodes sampled before; a new chunk begins.
+    fn begin(&mut self) {}
+}

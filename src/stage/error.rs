@@ -1,0 +1,64 @@
+//! What can go wrong in a stage, in words for the person who dropped the file.
+
+use std::path::PathBuf;
+
+use crate::disk::DiskError;
+use crate::format::inputs::InputsError;
+use crate::format::las::LasError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    #[error(transparent)]
+    Las(#[from] LasError),
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    #[error(transparent)]
+    Inputs(#[from] InputsError),
+    #[error("no input was named; name LAS or LAZ files, or a folder that holds some")]
+    NoInputs,
+    #[error("{0} holds no points, so there is nothing to convert")]
+    NoPoints(String),
+    #[error("{} changed while it was read; let the copy finish and try again", .0.display())]
+    InputChanged(PathBuf),
+    #[error("{} exists already; choose another folder or allow overwriting it", .0.display())]
+    OutputExists(PathBuf),
+    #[error(
+        "no attribute is called {wanted:?}; the input has: {known}. Names are compared in any letter case"
+    )]
+    UnknownAttribute { wanted: String, known: String },
+    #[error(
+        "{} has {free} bytes free, but {needed} are needed; free some room or choose another folder",
+        folder.display()
+    )]
+    NoRoom { folder: PathBuf, needed: u64, free: u64 },
+    #[error(
+        "a memory limit of {limit} bytes is too small for this cloud: one of its chunks alone needs {needed}; \
+         allow more memory or fewer threads"
+    )]
+    MemoryTooSmall { limit: u64, needed: u64 },
+    #[error("the conversion was stopped on request")]
+    Cancelled,
+    #[error("a check before publishing failed: {0}. Nothing was published; this is a bug, please report it")]
+    Inconsistent(String),
+}
+
+pub type Result<T> = std::result::Result<T, StageError>;
+
+impl StageError {
+    /// Whether the same job, tried again with nothing changed but time, can
+    /// succeed. Every variant is named, so that a new one must decide.
+    pub fn retry_can_help(&self) -> bool {
+        match self {
+            StageError::Disk(error) => error.may_pass(),
+            StageError::InputChanged(_) | StageError::NoRoom { .. } | StageError::Cancelled => true,
+            StageError::Las(error) => error.may_pass(),
+            StageError::Inputs(_)
+            | StageError::NoInputs
+            | StageError::NoPoints(_)
+            | StageError::OutputExists(_)
+            | StageError::UnknownAttribute { .. }
+            | StageError::MemoryTooSmall { .. }
+            | StageError::Inconsistent(_) => false,
+        }
+    }
+}

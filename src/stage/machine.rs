@@ -1,0 +1,49 @@
+//! What the machine or the container grants: threads by affinity and quota,
+//! memory by the cgroup's limit. Never the host's figures where a container has
+//! smaller ones.
+
+use std::fs;
+
+/// Threads that may run at once (affinity and cgroup quota).
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// A quarter of the memory there is, but at least 256 MiB.
+pub fn default_memory_limit() -> u64 {
+    (memory() / 4).max(256 << 20)
+}
+
+/// Bytes of memory of the machine or the cgroup, whichever is less.
+pub fn memory() -> u64 {
+    let info = rustix::system::sysinfo();
+    let machine = (info.totalram as u64).saturating_mul(u64::from(info.mem_unit.max(1)));
+    cgroup_limit().map_or(machine, |limit| limit.min(machine))
+}
+
+/// The smallest limit on the way from this process's cgroup (v2) to the root,
+/// or that of v1.
+fn cgroup_limit() -> Option<u64> {
+    let read = |path: &str| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
+    let own = fs::read_to_string("/proc/self/cgroup").ok()?;
+    let mut limits =
+        vec![read("/sys/fs/cgroup/memory.max"), read("/sys/fs/cgroup/memory/memory.limit_in_bytes")];
+    if let Some(path) = own.lines().find_map(|l| l.strip_prefix("0::")) {
+        let mut path = path.trim_matches('/');
+        while !path.is_empty() {
+            limits.push(read(&format!("/sys/fs/cgroup/{path}/memory.max")));
+            path = path.rsplit_once('/').map_or("", |(up, _)| up);
+        }
+    }
+    limits.into_iter().flatten().min()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn there_is_something_to_work_with() {
+        assert!(super::threads() >= 1);
+        assert!(super::memory() > 64 << 20);
+        assert!(super::default_memory_limit() <= super::memory().max(256 << 20));
+    }
+}

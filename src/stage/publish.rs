@@ -1,0 +1,166 @@
+//! Publish: metadata and hierarchy are written beside the points, all is made
+//! to last, and the finished folder takes its place by one rename. Until then
+//! an older octree of that name stays as it was.
+
+use std::path::{Path, PathBuf};
+
+use super::context::{Context, Stage};
+use super::error::{Result, StageError};
+use super::options::{Encoding, Options, Sampling};
+use super::output::NodeEntry;
+use super::survey::Survey;
+use crate::cloud::statistics::Statistics;
+use crate::disk::{Disk, DiskError};
+use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
+use crate::format::potree::{self, Generator, Metadata, NodeName};
+
+/// The folder beside `output` in which the octree grows.
+pub fn staging_folder(output: &Path) -> PathBuf {
+    let name = output.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
+    output.with_file_name(format!(".{name}.building"))
+}
+
+/// What was published.
+pub struct Published {
+    pub nodes: u64,
+    pub depth: u32,
+    pub bytes: u64,
+}
+
+/// What the octree consists of.
+pub struct Octree<'a> {
+    pub survey: &'a Survey,
+    pub nodes: &'a [NodeEntry],
+    /// Length of octree.bin, in bytes.
+    pub length: u64,
+    pub statistics: &'a Statistics,
+}
+
+/// Writes the small files, checks the sums, and renames.
+pub fn publish(
+    octree: &Octree,
+    output: &Path,
+    overwrite: bool,
+    options: &Options,
+    context: &Context,
+) -> Result<Published> {
+    context.progress.begin(Stage::Publish, octree.survey.points);
+    check_sums(octree)?;
+    let nodes: Vec<potree::Node> = octree.nodes.iter().filter_map(potree_node).collect();
+    let hierarchy = potree::write_hierarchy(&nodes).map_err(|e| StageError::Inconsistent(e.to_string()))?;
+    let metadata = metadata(octree, &hierarchy, output, options);
+    let staging = staging_folder(output);
+    let disk = &context.disk;
+    let json = metadata.to_json();
+    for (name, bytes) in
+        [(potree::HIERARCHY, hierarchy.bytes.as_slice()), (potree::METADATA, json.as_bytes())]
+    {
+        let file = disk.create(&staging.join(name))?;
+        file.write_all_at(bytes, 0)?;
+        file.sync()?;
+    }
+    disk.sync_dir(&staging)?;
+    swap_in(disk, &staging, output, overwrite)?;
+    Ok(Published {
+        nodes: nodes.len() as u64,
+        depth: hierarchy.depth,
+        bytes: octree.length + hierarchy.bytes.len() as u64 + json.len() as u64,
+    })
+}
+
+/// Every point is in a node, and every byte belongs to one.
+fn check_sums(octree: &Octree) -> Result<()> {
+    let points: u64 = octree.nodes.iter().map(|n| u64::from(n.points)).sum();
+    let bytes: u64 = octree.nodes.iter().map(|n| n.size).sum();
+    if points != octree.survey.points {
+        let expected = octree.survey.points;
+        return Err(StageError::Inconsistent(format!("{points} of {expected} points are in nodes")));
+    }
+    if bytes != octree.length {
+        return Err(StageError::Inconsistent(format!(
+            "{bytes} of {} bytes are accounted for",
+            octree.length
+        )));
+    }
+    Ok(())
+}
+
+fn potree_node(entry: &NodeEntry) -> Option<potree::Node> {
+    let name = NodeName::from_cell(entry.node.level, entry.node.at.map(u64::from))?;
+    // A node without points has no place in the file.
+    let offset = if entry.size == 0 { 0 } else { entry.offset };
+    Some(potree::Node { name, child_mask: 0, points: entry.points, offset, size: entry.size })
+}
+
+fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, options: &Options) -> Metadata {
+    let survey = octree.survey;
+    let (lattice, cube) = (&survey.lattice, &survey.cube);
+    let min: [f64; 3] = std::array::from_fn(|a| lattice.world(a, i64::from(cube.corner[a])));
+    let schema = &survey.unified.schema;
+    let from_folder = || output.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    Metadata {
+        version: "2.0".into(),
+        name: options.name.clone().unwrap_or_else(from_folder),
+        description: String::new(),
+        points: survey.points,
+        projection: survey.projection.clone(),
+        hierarchy: HierarchyEntry {
+            first_chunk_size: hierarchy.first_chunk_size,
+            step_size: 4,
+            depth: hierarchy.depth,
+        },
+        offset: lattice.offset,
+        scale: lattice.scale,
+        spacing: cube.spacing(),
+        bounding_box: BoundingBox { min, max: min.map(|c| c + cube.side()) },
+        encoding: match options.encoding {
+            Encoding::Default => potree::Encoding::Default,
+            Encoding::Brotli => potree::Encoding::Brotli,
+        },
+        generator: Some(Generator {
+            name: "lodestone".into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            sampling: match options.sampling {
+                Sampling::Poisson => "poisson".into(),
+                Sampling::Random => "random".into(),
+            },
+            left_out: survey.unified.left_out.clone(),
+        }),
+        attributes: schema
+            .attributes
+            .iter()
+            .zip(&octree.statistics.attributes)
+            .map(|(attribute, statistics)| potree::attribute_entry(attribute, statistics))
+            .collect(),
+    }
+}
+
+/// Puts the finished folder in its place. An older octree is exchanged in one
+/// step, so that a reader sees the old one or the new one, and removed after.
+fn swap_in(disk: &Disk, staging: &Path, output: &Path, overwrite: bool) -> Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    if !output.exists() {
+        return Ok(disk.rename(staging, output)?);
+    }
+    if !overwrite {
+        return Err(StageError::OutputExists(output.to_path_buf()));
+    }
+    match renameat_with(CWD, staging, CWD, output, RenameFlags::EXCHANGE) {
+        Ok(()) => {
+            if let Some(folder) = output.parent() {
+                disk.sync_dir(folder)?;
+            }
+            disk.remove_dir_all(staging)?;
+        }
+        // Not every file system can exchange; then the name is free for a moment.
+        Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS | rustix::io::Errno::OPNOTSUPP) => {
+            let old = staging.with_extension("old");
+            disk.remove_dir_all(&old)?;
+            disk.rename(output, &old)?;
+            disk.rename(staging, output)?;
+            disk.remove_dir_all(&old)?;
+        }
+        Err(error) => return Err(DiskError::new("put in its place", output, error.into()).into()),
+    }
+    Ok(())
+}
