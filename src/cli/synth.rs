@@ -1,11 +1,166 @@
-//! `lodestone synth`.
+//! `lodestone synth`: a scene into a LAS or LAZ file, in constant memory.
 
-use super::Exit;
+use std::path::{Path, PathBuf};
 
-/// Make a synthetic cloud.
+use rayon::prelude::*;
+
+use super::{Exit, failed};
+use crate::format::las::{LasError, LasOptions, LasWriter};
+use crate::synth::{Kind, Recipe, Scene, SceneError, Tile};
+
+/// Make a synthetic cloud: the same bytes from the same seed on every machine.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// The scene.
+    scene: Kind,
+    /// The file to write (it is replaced if it exists); for `strips` a folder.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// How many points; 20M and 2G are understood.
+    #[arg(long, value_name = "N", default_value = "1M", value_parser = count)]
+    points: u64,
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// The LAS point format.
+    #[arg(long, value_name = "0..10", default_value_t = 7, value_parser = clap::value_parser!(u8).range(0..=10))]
+    format: u8,
+    /// Compress (a file named .laz is compressed anyway).
+    #[arg(long)]
+    laz: bool,
+    /// Of `duplicates`: the share of the points that lie at one position.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    share: f64,
+    /// Of `duplicates`: pairs at one position each instead of one crowd.
+    #[arg(long)]
+    twins: bool,
+}
 
-pub fn run(_arguments: Arguments) -> Exit {
-    Exit::Failed
+/// Points that one thread makes at a time.
+const SLICE: u64 = 1 << 17;
+
+#[derive(Debug, thiserror::Error)]
+enum SynthError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Las(#[from] LasError),
+    #[error("could not make the folder {}: {source} (choose another place with -o)", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+}
+
+pub fn run(arguments: Arguments) -> Exit {
+    match write(&arguments) {
+        Ok(()) => Exit::Done,
+        Err(error) => failed(&error),
+    }
+}
+
+fn write(arguments: &Arguments) -> Result<(), SynthError> {
+    let recipe = Recipe {
+        kind: arguments.scene,
+        points: arguments.points,
+        seed: arguments.seed,
+        share: arguments.share,
+        twins: arguments.twins,
+    };
+    let scene = Scene::new(recipe)?;
+    if arguments.scene != Kind::Strips {
+        return scene
+            .tiles()
+            .iter()
+            .try_for_each(|tile| write_tile(arguments, &scene, tile, &arguments.output));
+    }
+    let folder = &arguments.output;
+    std::fs::create_dir_all(folder).map_err(|source| SynthError::Folder { path: folder.clone(), source })?;
+    for tile in scene.tiles() {
+        let ending = if arguments.laz { "laz" } else { "las" };
+        write_tile(arguments, &scene, tile, &folder.join(format!("{}.{ending}", tile.name)))?;
+    }
+    Ok(())
+}
+
+fn write_tile(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> Result<(), SynthError> {
+    let mut writer = LasWriter::create(path, &options(arguments, scene, tile, path))?;
+    let threads = rayon::current_num_threads() as u64;
+    let mut ready = Vec::new();
+    let mut first = tile.points.start;
+    // One batch is written while the next is made.
+    while first < tile.points.end || !ready.is_empty() {
+        let end = tile.points.end.min(first + 2 * threads * SLICE);
+        let (written, next) =
+            rayon::join(|| write_all(&mut writer, &ready), || make(scene, first, end, arguments.format));
+        written?;
+        ready = next?;
+        first = end;
+    }
+    Ok(writer.finish()?)
+}
+
+fn write_all(writer: &mut LasWriter, slices: &[Vec<u8>]) -> Result<(), LasError> {
+    slices.iter().try_for_each(|records| writer.write(records))
+}
+
+fn make(scene: &Scene, first: u64, end: u64, format: u8) -> Result<Vec<Vec<u8>>, SceneError> {
+    let slices = (end - first).div_ceil(SLICE);
+    (0..slices)
+        .into_par_iter()
+        .map(|n| {
+            let from = first + n * SLICE;
+            scene.slice(from, SLICE.min(end - from), format)
+        })
+        .collect()
+}
+
+fn options(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> LasOptions {
+    let named_laz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("laz"));
+    LasOptions {
+        version: match arguments.format {
+            0..=3 => (1, 2),
+            4 | 5 => (1, 3),
+            _ => (1, 4),
+        },
+        point_format: arguments.format,
+        scale: tile.lattice.scale,
+        offset: tile.lattice.offset,
+        compressed: arguments.laz || named_laz,
+        extra: Vec::new(),
+        crs_wkt: scene.is_on_earth().then(|| UTM_32.to_string()),
+        software: format!("lodestone {}", env!("CARGO_PKG_VERSION")),
+    }
+}
+
+/// A count as people write it: 1000, 20M, 2G.
+fn count(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor: u64 = match &text[digits.len()..] {
+        "" => 1,
+        "k" | "K" => 1_000,
+        "m" | "M" => 1_000_000,
+        "g" | "G" => 1_000_000_000,
+        _ => return Err("write a number, with k, M or G behind it if you like".to_string()),
+    };
+    let number: u64 = digits.replace('_', "").parse().map_err(|_| format!("{digits:?} is not a number"))?;
+    match number.checked_mul(factor) {
+        Some(points) if points > 0 => Ok(points),
+        Some(_) => Err("there must be at least one point".to_string()),
+        None => Err("that is more than 64 bits count".to_string()),
+    }
+}
+
+/// ETRS89 / UTM zone 32N, EPSG 25832, as OGC WKT 1.
+const UTM_32: &str = r#"PROJCS["ETRS89 / UTM zone 32N",GEOGCS["ETRS89",DATUM["European_Terrestrial_Reference_System_1989",SPHEROID["GRS 1980",6378137,298.257222101]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_read_as_people_write_them() {
+        assert_eq!(count("1000"), Ok(1000));
+        assert_eq!(count("20M"), Ok(20_000_000));
+        assert_eq!(count("2_000k"), Ok(2_000_000));
+        for wrong in ["", "0", "M", "1T", "-3", "1.5M", "99999999999G"] {
+            assert!(count(wrong).is_err(), "{wrong}");
+        }
+    }
 }
