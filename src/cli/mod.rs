@@ -3,6 +3,7 @@
 mod config;
 mod convert;
 mod info;
+mod jobs;
 mod progress;
 mod serve;
 mod signals;
@@ -50,6 +51,7 @@ enum Command {
     Info(info::Arguments),
     Serve(serve::Arguments),
     Config(config::Arguments),
+    Jobs(jobs::Arguments),
     Synth(synth::Arguments),
 }
 
@@ -63,6 +65,7 @@ pub fn run() -> ExitCode {
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Config(arguments) => config::run(arguments),
+        Command::Jobs(arguments) => jobs::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
     };
     ExitCode::from(exit as u8)
