@@ -37,13 +37,18 @@ pub mod stage;
 pub mod synth;
 pub mod verify;
 
-// The durable half.
+// The durable half. Empty lines keep rustfmt from sorting it by the alphabet.
 pub mod config;
-pub mod engine;
+
 pub mod store;
+
 pub mod watch;
+
+pub mod engine;
+
 pub mod web;
 
 // What a person touches.
-pub mod cli;
 pub mod daemon;
+
+pub mod cli;

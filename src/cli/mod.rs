@@ -1,5 +1,6 @@
 //! The command line: arguments in, exit code out. One file a command.
 
+mod config;
 mod convert;
 mod info;
 mod progress;
@@ -47,6 +48,7 @@ enum Command {
     Verify(verify::Arguments),
     Info(info::Arguments),
     Serve(serve::Arguments),
+    Config(config::Arguments),
     Synth(synth::Arguments),
 }
 
@@ -59,6 +61,7 @@ pub fn run() -> ExitCode {
         Command::Verify(arguments) => verify::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
+        Command::Config(arguments) => config::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
     };
     ExitCode::from(exit as u8)

@@ -1,1 +1,151 @@
-//! (being built)
+//! The daemon: opens the house, starts its three loops (watching, working,
+//! answering), and stops them in good order. No decision about a cloud or a job
+//! is made here.
+
+mod house;
+mod signals;
+mod watching;
+mod working;
+
+use std::io::Write;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sd_notify::NotifyState;
+use tokio::net::TcpListener;
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::clock::Clock;
+use crate::config::Config;
+use crate::disk::{Disk, DiskError};
+use crate::engine::converter::Converter;
+use crate::engine::{Engine, Tools};
+use crate::metrics::Metrics;
+use crate::store::board::Board;
+use crate::store::{Store, StoreError};
+use crate::web::{self, Shared};
+
+#[derive(Debug, thiserror::Error)]
+pub enum DaemonError {
+    #[error(transparent)]
+    Disk(#[from] DiskError),
+    #[error("another Lodestone works in {} (its lock {} is held); stop that one, or give this one its own --root", root.display(), lock.display())]
+    Locked { root: PathBuf, lock: PathBuf },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("could not listen on {address}: {source} (is the port taken? see --listen)")]
+    Listen {
+        address: SocketAddr,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("could not start: {0}")]
+    Start(#[source] std::io::Error),
+    #[error("a metric stands twice: {0}")]
+    Metrics(#[from] prometheus::Error),
+}
+
+/// Runs until a signal, and returns when all is put away.
+pub fn run(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(DaemonError::Start)?;
+    let result = runtime.block_on(serve(config, converter));
+    // A conversion that did not stop in time, or a fingerprint of a huge file,
+    // may still be at it; nothing it does counts any more.
+    runtime.shutdown_timeout(Duration::from_millis(200));
+    result
+}
+
+async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonError> {
+    let (stop, tracker) = (CancellationToken::new(), TaskTracker::new());
+    signals::listen(stop.clone()).map_err(DaemonError::Start)?;
+    let disk = Disk::new();
+    let config = Arc::new(house::open(config, &disk)?);
+    let _lock = house::lock(&config)?;
+    let store = Store::open(&config.database()).await?;
+    let listener = listen(config.listen).await?;
+    let address = listener.local_addr().map_err(DaemonError::Start)?;
+    let tools = Tools {
+        config: config.clone(),
+        store: store.clone(),
+        board: Board::default(),
+        metrics: Metrics::new()?,
+        clock: Clock::System,
+        disk,
+        converter,
+        bell: Arc::new(Notify::new()),
+    };
+    let shared = shared(&tools);
+    let mut engine = Engine::new(tools, format!("{}-{}", std::process::id(), Clock::System.now()));
+    engine.recover().await?;
+
+    let answering = tracker.spawn(answer(listener, shared.clone(), stop.clone()));
+    tracker.spawn(watching::run(shared.clone(), stop.clone()));
+    tell_where(&config, address);
+    tell_systemd(&[NotifyState::Ready]);
+    working::run(&mut engine, &shared, &stop).await;
+
+    shared.update_health(|health| health.stopping = true);
+    tell_systemd(&[NotifyState::Stopping]);
+    engine.stop().await;
+    tracker.close();
+    if tokio::time::timeout(Duration::from_secs(3), tracker.wait()).await.is_err() {
+        answering.abort();
+    }
+    store.close().await;
+    tracing::info!("stopped");
+    Ok(())
+}
+
+fn shared(tools: &Tools) -> Shared {
+    Shared {
+        config: tools.config.clone(),
+        store: tools.store.clone(),
+        board: tools.board.clone(),
+        metrics: tools.metrics.clone(),
+        clock: tools.clock.clone(),
+        disk: tools.disk.clone(),
+        health: Arc::default(),
+        bell: tools.bell.clone(),
+    }
+}
+
+async fn listen(address: SocketAddr) -> Result<TcpListener, DaemonError> {
+    TcpListener::bind(address).await.map_err(|source| DaemonError::Listen { address, source })
+}
+
+async fn answer(listener: TcpListener, shared: Shared, stop: CancellationToken) {
+    let served = axum::serve(web::Bounded::new(listener), web::router(shared))
+        .with_graceful_shutdown(stop.cancelled_owned())
+        .await;
+    if let Err(error) = served {
+        tracing::error!(%error, "the API ended");
+    }
+}
+
+/// What a person who starts the daemon wants to know, on stdout.
+fn tell_where(config: &Config, address: SocketAddr) {
+    let mut text = format!("Lodestone {}\n", env!("CARGO_PKG_VERSION"));
+    text += &format!("  drop LAS/LAZ files, or folders of tiles, into  {}\n", config.inbox().display());
+    for folder in &config.watch {
+        text += &format!("  or into                                        {}\n", folder.display());
+    }
+    text += &format!("  octrees appear under                           {}\n", config.octrees().display());
+    text += &format!("  look at                                        http://{address}/\n");
+    // Nobody may be reading; that is no reason to stop.
+    let _ = std::io::stdout().write_all(text.as_bytes()).and_then(|()| std::io::stdout().flush());
+}
+
+fn tell_systemd(states: &[NotifyState]) {
+    // Without systemd this does nothing.
+    if let Err(error) = sd_notify::notify(states) {
+        tracing::debug!(%error, "systemd was not told");
+    }
+}

@@ -1,3 +1,422 @@
-//! The engine: decides what is done next, and conducts it.
+//! The engine works the queue. [`Engine::tick`] is all it does, as numbered
+//! steps; [`intake`] fills the queue from what the watcher found.
+//!
+//! A conversion runs on a thread of its own, for it is synchronous and takes as
+//! long as it takes; the engine only starts it, watches its progress, and records
+//! its end. Whatever a conversion does, be it a panic, the engine goes on.
 
 pub mod conduct;
+pub mod converter;
+pub mod intake;
+pub mod janitor;
+mod preflight;
+mod publish;
+mod worker;
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{Notify, mpsc};
+
+use crate::clock::{Clock, Millis};
+use crate::config::Config;
+use crate::disk::Disk;
+use crate::job::verdict::End;
+use crate::job::{Event, Job, JobId, Wish};
+use crate::metrics::Metrics;
+use crate::stage::context::{Cancel, Context, Progress};
+use crate::stage::options::Options;
+use crate::store::board::Board;
+use crate::store::{Ending, Recovered, Result, Store};
+use converter::{Converter, Failure, Report, Work};
+use preflight::Lane;
+use worker::Finished;
+
+/// How many waiting jobs are looked at for one that fits.
+const LOOK_AHEAD: i64 = 1000;
+/// How often a running job's progress is noted in the queue, in milliseconds.
+const HEARTBEAT: Millis = 10_000;
+
+/// What the engine works with.
+#[derive(Clone)]
+pub struct Tools {
+    pub config: Arc<Config>,
+    pub store: Store,
+    pub board: Board,
+    pub metrics: Metrics,
+    pub clock: Clock,
+    pub disk: Disk,
+    pub converter: Arc<dyn Converter>,
+    /// Rung when there may be something to do.
+    pub bell: Arc<Notify>,
+}
+
+/// Why the engine stopped a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stop {
+    Wish(Wish),
+    Shutdown,
+}
+
+struct Running {
+    job: Job,
+    lane: Lane,
+    cancel: Cancel,
+    stop: Option<Stop>,
+    beat_at: Millis,
+}
+
+/// What a tick did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Outcome {
+    pub ended: usize,
+    pub started: usize,
+    pub held: usize,
+    pub running: usize,
+    /// When something is due at the latest, without any bell.
+    pub due: Option<Millis>,
+}
+
+pub struct Engine {
+    tools: Tools,
+    /// Names this run of the daemon on its leases.
+    owner: String,
+    running: HashMap<JobId, Running>,
+    results: mpsc::UnboundedReceiver<Finished>,
+    sender: mpsc::UnboundedSender<Finished>,
+    /// Ended runs that the queue could not record yet.
+    unrecorded: VecDeque<Finished>,
+    stopping: bool,
+}
+
+impl Engine {
+    pub fn new(tools: Tools, owner: String) -> Engine {
+        let (sender, results) = mpsc::unbounded_channel();
+        Engine {
+            tools,
+            owner,
+            running: HashMap::new(),
+            results,
+            sender,
+            unrecorded: VecDeque::new(),
+            stopping: false,
+        }
+    }
+
+    /// Sets right what an earlier run left behind when it died. To be called
+    /// once, under the lock of the state folder, before the first tick.
+    pub async fn recover(&mut self) -> Result<()> {
+        let now = self.tools.clock.now();
+        for found in self.tools.store.recover(&self.owner, &self.tools.config.policy, now).await? {
+            match found {
+                Recovered::Judged(job, event) => {
+                    tracing::warn!(job, event = event.name(), "was running when the daemon died");
+                }
+                Recovered::Staged(job) => self.recover_staged(*job).await?,
+            }
+        }
+        self.sweep().await
+    }
+
+    /// Its octree was converted: it is published now, not converted again.
+    async fn recover_staged(&mut self, job: Job) -> Result<()> {
+        let id = job.id;
+        let end = match publish::publish(&self.tools, &job, job.staged.unwrap_or(0)).await {
+            Ok(()) => Ending { end: End::Published, error: None },
+            Err(failure) => Ending { end: End::Crashed, error: Some(failure.message) },
+        };
+        tracing::info!(job = id, name = job.name, "was converted before the daemon died; publishing it");
+        self.tools
+            .store
+            .finish(id, &self.owner, &end, &self.tools.config.policy, self.tools.clock.now())
+            .await?;
+        Ok(())
+    }
+
+    /// One turn of the wheel.
+    ///
+    /// 1. Record the runs that ended: stage, publish, finish.
+    /// 2. Pass on what operators wish of running jobs.
+    /// 3. Look at the progress of running jobs; note it as a heartbeat.
+    /// 4. Start what fits into the free lanes; say of the rest why it waits.
+    ///
+    /// An error means that the queue did not answer; nothing is lost by it, and
+    /// the next tick goes on.
+    pub async fn tick(&mut self) -> Result<Outcome> {
+        let ended = self.record_ended().await?;
+        self.pass_on_wishes().await?;
+        self.look_at_progress().await?;
+        let (started, held) = if self.stopping { (0, 0) } else { self.start_ready().await? };
+        let now = self.tools.clock.now();
+        let due = self.tools.store.next_start(now).await?;
+        Ok(Outcome { ended, started, held, running: self.running.len(), due })
+    }
+
+    /// Step 1.
+    async fn record_ended(&mut self) -> Result<usize> {
+        while let Ok(finished) = self.results.try_recv() {
+            self.unrecorded.push_back(finished);
+        }
+        let mut ended = 0;
+        while let Some(finished) = self.unrecorded.front() {
+            let job = finished.job;
+            self.record(&finished.clone()).await?;
+            self.unrecorded.pop_front();
+            self.running.remove(&job);
+            self.tools.board.take_down(job);
+            ended += 1;
+        }
+        if ended > 0 {
+            self.sweep().await?;
+        }
+        Ok(ended)
+    }
+
+    /// Records one ended run; may be called again for the same one.
+    async fn record(&self, finished: &Finished) -> Result<()> {
+        let Some(running) = self.running.get(&finished.job) else { return Ok(()) };
+        let ending = match &finished.result {
+            Ok(report) => self.settle_success(running, report).await?,
+            Err(failure) => failing(running, failure),
+        };
+        let now = self.tools.clock.now();
+        let verdict = self
+            .tools
+            .store
+            .finish(finished.job, &self.owner, &ending, &self.tools.config.policy, now)
+            .await?;
+        let Some(verdict) = verdict else {
+            tracing::warn!(job = finished.job, "its lease was lost; the result is thrown away");
+            return Ok(());
+        };
+        self.tell(running, verdict.event, &ending, finished, now);
+        Ok(())
+    }
+
+    /// The conversion succeeded: publish, unless an operator or the source
+    /// thought better of it meanwhile.
+    async fn settle_success(&self, running: &Running, report: &Report) -> Result<Ending> {
+        if let Some(Stop::Wish(wish)) = running.stop {
+            return Ok(Ending { end: wish_end(wish), error: None });
+        }
+        let inputs = self.tools.store.inputs(running.job.id).await?;
+        if let Some(changed) = preflight::changed(&inputs) {
+            let error =
+                format!("{} changed while it was converted; waiting until it is quiet", changed.display());
+            return Ok(Ending { end: End::Passing, error: Some(error) });
+        }
+        let staged = match publish::inode(&publish::staging(&self.tools.config, running.job.id)) {
+            Ok(inode) => inode,
+            // Published by this call's forerunner, which could not record it.
+            Err(_) => self.tools.store.job(running.job.id).await?.staged.unwrap_or(0),
+        };
+        let now = self.tools.clock.now();
+        let result = report.json.to_string();
+        if staged != 0 && !self.tools.store.stage(running.job.id, &self.owner, staged, &result, now).await? {
+            return Ok(Ending { end: End::Passing, error: Some("its lease was lost".to_string()) });
+        }
+        Ok(match publish::publish(&self.tools, &running.job, staged).await {
+            Ok(()) => Ending { end: End::Published, error: None },
+            Err(failure) => failing(running, &failure),
+        })
+    }
+
+    /// Logs and counts the end of a run.
+    fn tell(&self, running: &Running, event: Event, ending: &Ending, finished: &Finished, now: Millis) {
+        let (job, name) = (running.job.id, running.job.name.as_str());
+        let error = ending.error.as_deref().unwrap_or("");
+        match event {
+            Event::Succeed => tracing::info!(job, name, points = running.job.points, "published"),
+            Event::Park => tracing::info!(job, name, "parked; it goes on at the next start"),
+            Event::Postpone => tracing::warn!(job, name, error, "did not succeed, is tried again"),
+            Event::Fail | Event::Quarantine => tracing::error!(job, name, error, "{}", event.name()),
+            _ => tracing::info!(job, name, "{}", event.name()),
+        }
+        let metrics = &self.tools.metrics;
+        let result = crate::job::machine::next(crate::job::State::Running, event).map_or("", |s| s.name());
+        metrics
+            .jobs_finished
+            .with_label_values(&[if event == Event::Postpone { "postponed" } else { result }])
+            .inc();
+        if let (Event::Succeed, Ok(report)) = (event, &finished.result) {
+            metrics.points_read.inc_by(report.points_in);
+            metrics.points_written.inc_by(report.points_out);
+            metrics.points_set_aside.inc_by(report.points_set_aside);
+            metrics.input_bytes.inc_by(running.job.bytes);
+            metrics.output_bytes.inc_by(report.output_bytes);
+            let started = running.job.started_at.unwrap_or(now);
+            metrics.job_seconds.observe((now - started).max(0) as f64 / 1000.0);
+        }
+    }
+
+    /// Step 2.
+    async fn pass_on_wishes(&mut self) -> Result<()> {
+        for (job, wish) in self.tools.store.wishes().await? {
+            if let Some(running) = self.running.get_mut(&job)
+                && running.stop.is_none()
+            {
+                tracing::info!(job, wish = wish.name(), "asked of a running job");
+                running.stop = Some(Stop::Wish(wish));
+                running.cancel.cancel();
+            }
+        }
+        Ok(())
+    }
+
+    /// Step 3.
+    async fn look_at_progress(&mut self) -> Result<()> {
+        let now = self.tools.clock.now();
+        for look in self.tools.board.look(now) {
+            if let Some((stage, millis)) = look.ended {
+                let seconds = millis.max(0) as f64 / 1000.0;
+                self.tools.metrics.stage_seconds.with_label_values(&[stage.name()]).observe(seconds);
+            }
+            let Some(running) = self.running.get_mut(&look.job) else { continue };
+            if look.moved_at > running.beat_at {
+                self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
+                if now - running.beat_at >= HEARTBEAT {
+                    running.beat_at = look.moved_at;
+                    self.tools.store.heartbeat(look.job, &self.owner, now).await?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Step 4.
+    async fn start_ready(&mut self) -> Result<(usize, usize)> {
+        let (mut started, mut held) = (0, 0);
+        let config = self.tools.config.clone();
+        if !self.has_free_lane() {
+            return Ok((0, 0));
+        }
+        let now = self.tools.clock.now();
+        for job in self.tools.store.ready(now, LOOK_AHEAD).await? {
+            let lane = Lane::of(&job, &config);
+            if !self.is_free(lane) {
+                if !self.has_free_lane() {
+                    break;
+                }
+                continue;
+            }
+            let inputs = self.tools.store.inputs(job.id).await?;
+            let in_hand: Vec<(Lane, u64)> =
+                self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
+            if let Some(reason) = preflight::reason_to_hold(&job, &inputs, &in_hand, &self.tools) {
+                held += 1;
+                if job.hold.as_deref() != Some(reason.as_str()) {
+                    tracing::warn!(job = job.id, name = job.name, reason, "held");
+                    self.tools.store.hold(job.id, Some(&reason), now).await?;
+                }
+                continue;
+            }
+            if let Some(job) = self.tools.store.claim(job.id, &self.owner, now).await? {
+                self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
+                started += 1;
+            }
+        }
+        Ok((started, held))
+    }
+
+    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<std::path::PathBuf>, now: Millis) {
+        let config = &self.tools.config;
+        tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
+        let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
+        let context = Context {
+            disk: self.tools.disk.clone(),
+            scratch: janitor::scratch_of(config, job.id),
+            threads: config.threads,
+            memory_limit: lane.memory(config),
+            cancel: cancel.clone(),
+            progress: progress.clone(),
+        };
+        let mut options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
+        // The staging folder's name is nothing to go by.
+        options.name.get_or_insert_with(|| job.name.clone());
+        let work = Work { inputs, output: publish::staging(config, job.id), options };
+        self.tools.metrics.attempts.inc();
+        self.tools.board.hang_up(job.id, progress, now);
+        let id = job.id;
+        self.running.insert(id, Running { job, lane, cancel, stop: None, beat_at: now });
+        worker::start(
+            id,
+            self.tools.converter.clone(),
+            work,
+            context,
+            self.sender.clone(),
+            self.tools.bell.clone(),
+        );
+    }
+
+    fn is_free(&self, lane: Lane) -> bool {
+        self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
+    }
+
+    fn has_free_lane(&self) -> bool {
+        self.is_free(Lane::Heavy) || self.is_free(Lane::Light)
+    }
+
+    /// Clears what jobs without work before them left in scratch and staging.
+    async fn sweep(&self) -> Result<()> {
+        let open = self.tools.store.open_jobs().await?;
+        let (config, disk) = (self.tools.config.clone(), self.tools.disk.clone());
+        let swept = tokio::task::spawn_blocking(move || janitor::sweep(&config, &disk, &open)).await;
+        if let Err(error) = swept {
+            tracing::error!(%error, "the janitor stumbled");
+        }
+        Ok(())
+    }
+
+    /// Stops in good order: nothing new is started, what runs is asked to stop
+    /// and parked. What has not stopped within the bound is parked all the same
+    /// and abandoned: its lease is gone, so nothing it still does counts.
+    pub async fn stop(&mut self) {
+        self.stopping = true;
+        for running in self.running.values_mut() {
+            running.stop.get_or_insert(Stop::Shutdown);
+            running.cancel.cancel();
+        }
+        let end = self.tools.clock.now() + self.tools.config.shutdown;
+        while !self.running.is_empty() && self.tools.clock.now() < end {
+            if let Err(error) = self.tick().await {
+                tracing::error!(%error, "while stopping");
+            }
+            let _ = tokio::time::timeout(Duration::from_millis(50), self.tools.bell.notified()).await;
+        }
+        for (job, running) in std::mem::take(&mut self.running) {
+            let end = match running.stop {
+                Some(Stop::Wish(wish)) => wish_end(wish),
+                _ => End::Parked,
+            };
+            let ending = Ending { end, error: None };
+            let now = self.tools.clock.now();
+            let policy = &self.tools.config.policy;
+            match self.tools.store.finish(job, &self.owner, &ending, policy, now).await {
+                Ok(_) => tracing::warn!(job, "did not stop in time; parked and abandoned"),
+                Err(error) => {
+                    tracing::error!(job, %error, "could not be parked; the next start will see a crash")
+                }
+            }
+        }
+    }
+}
+
+fn wish_end(wish: Wish) -> End {
+    match wish {
+        Wish::Cancel => End::Cancelled,
+        Wish::Pause => End::Paused,
+    }
+}
+
+/// How a run that failed is judged: what we stopped ourselves is no failure.
+fn failing(running: &Running, failure: &Failure) -> Ending {
+    let error = Some(failure.message.clone());
+    match running.stop {
+        Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
+        Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
+        None if failure.panicked => Ending { end: End::Panicked, error },
+        None if failure.may_pass => Ending { end: End::Passing, error },
+        None => Ending { end: End::Hopeless, error },
+    }
+}

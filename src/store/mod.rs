@@ -1,1 +1,154 @@
-//! (being built)
+//! The queue on disk. The only folder that knows sqlx.
+//!
+//! One connection writes, so that SQLite's single writer is never fought over,
+//! and every writing transaction begins IMMEDIATE: a transaction that reads
+//! first and writes later fails at once where another got in between. A few
+//! connections read. WAL with synchronous FULL: what was acknowledged survives a
+//! power cut. Every change of a job's state asks [`crate::job::machine`].
+//!
+//! A future of this room is never put into a `select!`: dropped half-way, its
+//! statement may or may not have taken effect.
+
+pub mod board;
+mod intake;
+mod queue;
+mod row;
+mod views;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use sqlx::migrate::{Migration, MigrationType, Migrator};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{SqlSafeStr, Sqlite, Transaction};
+
+use crate::job::{Event, JobId, State};
+
+pub use intake::{Admission, Arrival, Kind};
+pub use queue::{Ending, Recovered};
+pub use views::{Attempt, Counts, History};
+
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    #[error("could not open the queue {}: {source} (is the folder writable, and is this a Lodestone database?)", path.display())]
+    Open {
+        path: PathBuf,
+        #[source]
+        source: sqlx::Error,
+    },
+    #[error("could not bring the queue {} up to date: {source} (it may have been written by a newer Lodestone)", path.display())]
+    Migrate {
+        path: PathBuf,
+        #[source]
+        source: sqlx::migrate::MigrateError,
+    },
+    #[error("the queue did not answer: {0} (see the free space and the health of its disk)")]
+    Query(#[from] sqlx::Error),
+    #[error("there is no job {0} (`lodestone jobs list` shows all)")]
+    NoSuchJob(JobId),
+    #[error("job {job} is {state}, so it cannot be {asked}")]
+    Illegal { job: JobId, state: &'static str, asked: &'static str },
+    #[error(
+        "the queue holds {what} `{value}` that this version does not know (was it written by a newer Lodestone?)"
+    )]
+    Unknown { what: &'static str, value: String },
+}
+
+pub type Result<T> = std::result::Result<T, StoreError>;
+
+/// The schema, one file a version; a released file is never edited again.
+const MIGRATIONS: &[(i64, &str, &str)] = &[(1, "queue", include_str!("../../migrations/0001_queue.sql"))];
+
+/// The queue. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Store {
+    writer: SqlitePool,
+    readers: SqlitePool,
+    path: PathBuf,
+}
+
+impl Store {
+    /// Opens the queue, making and migrating it where that is needed.
+    pub async fn open(path: &Path) -> Result<Store> {
+        let store = Store::connect(path, true).await?;
+        store.migrate().await?;
+        Ok(store)
+    }
+
+    /// Opens the queue of a daemon that may be running, as it is.
+    pub async fn open_existing(path: &Path) -> Result<Store> {
+        Store::connect(path, false).await
+    }
+
+    async fn connect(path: &Path, create: bool) -> Result<Store> {
+        let opening = |source| StoreError::Open { path: path.to_path_buf(), source };
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(create)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .pragma("trusted_schema", "OFF")
+            .busy_timeout(Duration::from_secs(10));
+        let writer = SqlitePoolOptions::new()
+            .max_connections(1)
+            .connect_with(options.clone())
+            .await
+            .map_err(opening)?;
+        let readers =
+            SqlitePoolOptions::new().max_connections(3).connect_with(options).await.map_err(opening)?;
+        Ok(Store { writer, readers, path: path.to_path_buf() })
+    }
+
+    async fn migrate(&self) -> Result<()> {
+        let migrations = MIGRATIONS
+            .iter()
+            .map(|(version, name, sql)| {
+                Migration::new(*version, (*name).into(), MigrationType::Simple, sql.into_sql_str(), false)
+            })
+            .collect();
+        let migrator = Migrator::with_migrations(migrations);
+        let failing = |source| StoreError::Migrate { path: self.path.clone(), source };
+        migrator.run(&self.writer).await.map_err(failing)
+    }
+
+    /// Closes all connections, so that the WAL is folded back into the file.
+    pub async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+
+    /// Begins a transaction that may write.
+    async fn begin(&self) -> Result<Transaction<'static, Sqlite>> {
+        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
+    }
+}
+
+/// Writes a line into a job's history.
+async fn note(
+    tx: &mut Transaction<'static, Sqlite>,
+    job: JobId,
+    at: i64,
+    kind: &str,
+    detail: Option<&str>,
+) -> Result<()> {
+    sqlx::query("INSERT INTO event (job, at, kind, detail) VALUES (?, ?, ?, ?)")
+        .bind(job)
+        .bind(at)
+        .bind(kind)
+        .bind(detail)
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+/// The state after `event`, or an error that says why not.
+fn step(job: JobId, state: State, event: Event) -> Result<State> {
+    crate::job::machine::next(state, event).ok_or(StoreError::Illegal {
+        job,
+        state: state.name(),
+        asked: event.name(),
+    })
+}

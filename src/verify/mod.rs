@@ -1,1 +1,134 @@
-//! (being built)
+//! Is an octree right? On its own: metadata, hierarchy, byte ranges, boxes, the
+//! rule of its sampling, statistics. Beside its inputs: the same points with the
+//! same attributes, to the last bit.
+//!
+//! The checks are independent of the conversion: nothing here uses `stage` or
+//! `lod`, and the meaning of LAS records is written down a second time. Shared
+//! with the converter is only what reads the formats.
+
+mod against;
+mod cube;
+mod digest;
+mod inputs;
+mod mapping;
+mod octree;
+mod report;
+mod spacing;
+mod structure;
+mod tally;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod tests_support;
+mod value;
+mod walk;
+
+use std::path::{Path, PathBuf};
+
+use crate::format::las::LasError;
+use crate::format::potree::{Metadata, PotreeError};
+use octree::{Octree, Opened};
+pub use report::{Check, Comparison, Outcome, PositionError, Report};
+pub use walk::Spacing;
+
+/// What is to be verified.
+#[derive(Debug, Clone)]
+pub struct Request {
+    /// The octree's folder.
+    pub octree: PathBuf,
+    /// The files that it was made of, folders of them, or lists (`@list`); none:
+    /// the octree is checked on its own.
+    pub against: Vec<PathBuf>,
+    /// Bytes of memory that the comparison may take.
+    pub memory_limit: u64,
+    pub spacing: Spacing,
+}
+
+/// Why nothing could be verified. What is wrong with the octree is in the
+/// report.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    #[error(transparent)]
+    Octree(#[from] PotreeError),
+    #[error(transparent)]
+    Las(#[from] LasError),
+    #[error("could not read the input {}: {source}", path.display())]
+    Input {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("there is no LAS or LAZ file to hold the octree against; name files, or folders that hold some")]
+    NoInputs,
+}
+
+impl VerifyError {
+    fn input(path: &Path, source: std::io::Error) -> VerifyError {
+        VerifyError::Input { path: path.to_path_buf(), source }
+    }
+}
+
+/// Checks an octree, on the threads of the current rayon pool.
+pub fn verify(request: &Request) -> Result<Report, VerifyError> {
+    let files = match request.against.is_empty() {
+        true => Vec::new(),
+        false => inputs::find(&request.against)?,
+    };
+    let octree = match Octree::open(&request.octree) {
+        Opened::Whole(octree) => octree,
+        Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
+        Opened::Nothing(error) => return Ok(unreadable(request, None, &error)),
+        Opened::Metadata(_, error @ PotreeError::Read { .. }) => return Err(error.into()),
+        Opened::Metadata(metadata, error) => return Ok(unreadable(request, Some(&metadata), &error)),
+    };
+    let mut report = empty(request, Some(&octree.metadata));
+    report.nodes = octree.nodes.len() as u64;
+    report.depth = structure::depth(&octree.nodes);
+    report.points = structure::points(&octree.nodes);
+    report.bytes = octree.bytes;
+    report.checks.push(structure::metadata(&octree.metadata));
+    if report.checks[0].outcome == Outcome::Wrong {
+        report.checks.push(Check::skipped("all else", "rests on metadata.json"));
+        return Ok(report);
+    }
+    report.checks.push(structure::hierarchy(&octree));
+    report.checks.push(structure::bytes(&octree));
+    report.checks.push(structure::counts(&octree));
+    let walk = walk::walk(&octree, !files.is_empty());
+    if !files.is_empty() {
+        report.against = Some(against::compare(&octree, &walk.sum, &files, request.memory_limit)?);
+    }
+    report.checks.extend(walk.checks(&octree, request.spacing));
+    report.judge();
+    Ok(report)
+}
+
+/// The report on an octree whose files cannot be made sense of.
+fn unreadable(request: &Request, metadata: Option<&Metadata>, error: &PotreeError) -> Report {
+    let mut report = empty(request, metadata);
+    report.checks.push(match metadata {
+        Some(metadata) => structure::metadata(metadata),
+        None => Check::wrong("metadata", error.to_string()),
+    });
+    if metadata.is_some() {
+        report.checks.push(Check::wrong("hierarchy", error.to_string()));
+    }
+    report.checks.push(Check::skipped("all else", "rests on what cannot be read"));
+    report
+}
+
+fn empty(request: &Request, metadata: Option<&Metadata>) -> Report {
+    Report {
+        octree: request.octree.clone(),
+        ok: false,
+        name: metadata.map_or(String::new(), |m| m.name.clone()),
+        encoding: metadata.map_or("", |m| structure::encoding_in_words(m.encoding)).to_string(),
+        points: 0,
+        nodes: 0,
+        depth: 0,
+        bytes: 0,
+        checks: Vec::new(),
+        against: None,
+        seconds: 0.0,
+    }
+}

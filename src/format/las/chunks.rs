@@ -1,18 +1,13 @@
 //! Where the chunks of a LAZ file lie: from its chunk table, which is checked
 //! against the file before it is believed; from the chunks themselves where
-//! there is none; and otherwise not at all, and the file is one stream.
-//!
-//! A writer to a pipe puts the table's place at the very end of the file, a
-//! writer that was stopped leaves no table, and LASzip 1 knew none.
+//! there is none; and otherwise not at all, and the file is one stream. A writer
+//! that was stopped leaves no table, and LASzip 1 knew none.
 
-use std::io::Cursor;
-
-use laz::laszip::ChunkTable;
-
-use super::LasError;
-use super::coding::{Coding, guard};
+use super::chunk_table::{self, Table};
+use super::coding::Coding;
 use super::count::Claims;
 use super::source::Source;
+use super::{LasError, stream};
 
 /// One chunk of points that can be decoded on its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,18 +42,23 @@ pub enum Chunking {
     Variable,
 }
 
-/// A table that was read, or why it cannot be.
-enum Table {
-    Good(Vec<(u64, u64)>),
-    /// There is none, or it is nonsense.
-    Bad(String),
-    /// It should lie behind the end of the file.
-    Beyond,
+/// Why a readable table does not go with the rest of the file.
+enum Trouble {
+    /// It is the table that is wrong; there are other ways to the points.
+    Table(String),
+    /// It is right, and the header's count is not.
+    Header(String),
 }
 
+impl From<String> for Trouble {
+    fn from(reason: String) -> Trouble {
+        Trouble::Table(reason)
+    }
+}
+
+/// What is known of a LAZ file before its chunks are.
 pub struct Locator<'a> {
     pub source: &'a Source,
-
     pub coding: &'a Coding,
     pub chunking: Chunking,
     /// Where the points begin, and where they end at the latest.
@@ -93,10 +93,13 @@ impl Locator<'_> {
         if said == 0 && self.end < self.start + 8 {
             return Ok((Layout::Chunks(Vec::new()), 0));
         }
-        let reason = match self.table(notes)? {
-            Table::Good(entries) => match self.from_table(&entries, notes) {
+        let variable = self.chunking == Chunking::Variable;
+        let table = chunk_table::read(self.source, self.start, variable, self.coding.record_length, notes)?;
+        let reason = match table {
+            Table::Good(entries) => match self.with_table(&entries, notes) {
                 Ok(found) => return Ok(found),
-                Err(reason) => reason,
+                Err(Trouble::Header(reason)) => return Err(LasError::header(path, reason)),
+                Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
             Table::Beyond => return Err(self.cut(said)?),
@@ -109,71 +112,12 @@ impl Locator<'_> {
         self.end.saturating_sub(self.start).saturating_mul(MOST_POINTS_A_BYTE)
     }
 
-    fn table(&self, notes: &mut Vec<String>) -> Result<Table, LasError> {
-        if self.start + 8 > self.source.bytes() {
-            return Ok(Table::Beyond);
+    /// Gives every chunk of the table its points.
+    fn with_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), Trouble> {
+        let said = self.claims.said();
+        if entries.is_empty() && said > 0 {
+            return Err(Trouble::Table(format!("its chunk table is empty, its header says {said} points")));
         }
-        let data_start = self.start + 8;
-        let mut at = self.integer_at(self.start)?;
-        if at <= self.start as i64 {
-            at = self.integer_at(self.source.bytes() - 8)?;
-            if at < data_start as i64 || at as u64 >= self.source.bytes() {
-                return Ok(Table::Bad("it has no chunk table".to_string()));
-            }
-            notes.push("its chunk table's place stands at its end: it was written to a pipe".to_string());
-        }
-        let at = at as u64;
-        if at + 8 > self.source.bytes() {
-            return Ok(Table::Beyond);
-        }
-        if at < data_start {
-            return Ok(Table::Bad("its chunk table should lie in front of its points".to_string()));
-        }
-        let room = at - data_start;
-        let mut front = [0; 8];
-        self.source.read_exact_at(&mut front, at)?;
-        let version = u32::from_le_bytes([front[0], front[1], front[2], front[3]]);
-        let count = u64::from(u32::from_le_bytes([front[4], front[5], front[6], front[7]]));
-        // Before `laz` makes room for them: every chunk begins with a record as
-        // it is, save one that may be empty.
-        if version != 0 || count > room / self.coding.record_length as u64 + 1 {
-            return Ok(Table::Bad(format!(
-                "its chunk table of version {version} with {count} chunks is nonsense"
-            )));
-        }
-        let length = (8 + 64 + 24 * count).min(self.source.bytes() - at);
-        let mut bytes = vec![0; length as usize];
-        self.source.read_exact_at(&mut bytes, at)?;
-        let variable = self.chunking == Chunking::Variable;
-        let table = match guard(|| ChunkTable::read(&mut Cursor::new(bytes.as_slice()), variable)) {
-            Ok(table) => table,
-            Err(reason) => return Ok(Table::Bad(format!("its chunk table cannot be read: {reason}"))),
-        };
-        let entries: Vec<(u64, u64)> = table.into_iter().map(|e| (e.point_count, e.byte_count)).collect();
-        let total = entries.iter().try_fold(0u64, |sum, (_, bytes)| sum.checked_add(*bytes));
-        match total {
-            Some(total) if total <= room => {
-                if total < room {
-                    notes.push(format!(
-                        "{} bytes between its chunks and their table belong to nothing",
-                        room - total
-                    ));
-                }
-                Ok(Table::Good(entries))
-            }
-            _ => Ok(Table::Bad("its chunk table promises more bytes than there are".to_string())),
-        }
-    }
-
-    fn integer_at(&self, at: u64) -> Result<i64, LasError> {
-        let mut bytes = [0; 8];
-        self.source.read_exact_at(&mut bytes, at)?;
-        Ok(i64::from_le_bytes(bytes))
-    }
-
-    /// Gives every chunk its points. `Err` where the table does not go with the
-    /// header's count.
-    fn from_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), String> {
         let mut chunks = Vec::with_capacity(entries.len());
         let (mut first, mut at) = (0u64, self.start + 8);
         for (points, bytes) in entries {
@@ -182,65 +126,61 @@ impl Locator<'_> {
                 _ => *points,
             };
             chunks.push(Chunk { first, points, at, bytes: *bytes });
-            first = first.checked_add(points).ok_or("its chunk table promises too many points")?;
+            first = first
+                .checked_add(points)
+                .ok_or_else(|| "its chunk table promises too many points".to_string())?;
             at += bytes;
         }
-        let points = match self.chunking {
-            Chunking::Fixed(each) => self.last_of_fixed(&mut chunks, u64::from(each))?,
+        let points = match (self.chunking, chunks.last_mut()) {
+            (Chunking::Fixed(each), Some(last)) => {
+                last.points = self.last_of_fixed(*last, u64::from(each))?;
+                last.first + last.points
+            }
             _ => first,
         };
         if points > self.most() {
-            return Err(format!("its chunk table promises {points} points, more than its bytes can hold"));
+            return Err(Trouble::Table(format!(
+                "its chunk table promises {points} points, more than its bytes can hold"
+            )));
         }
         chunks.retain(|chunk| chunk.points > 0);
-        if self.claims.said() != points && !self.claims.candidates().any(|count| count == points) {
+        if !self.claims.candidates().any(|count| count == points) && points != said {
             notes.push(format!(
-                "its header says {} points, its chunks hold {points}; all of them are read",
-                self.claims.said()
+                "its header says {said} points, its chunks hold {points}; all of them are read"
             ));
         }
         Ok((Layout::Chunks(chunks), points))
     }
 
     /// In a file with chunks of one size, the last one is shorter and the table
-    /// does not say how much: layered chunks say it themselves, of others it
+    /// does not say by how much: a layered chunk says it itself, of any other it
     /// has to be what the header's count leaves.
-    fn last_of_fixed(&self, chunks: &mut [Chunk], each: u64) -> Result<u64, String> {
-        let Some(last) = chunks.last_mut() else {
-            return match self.claims.said() {
-                0 => Ok(0),
-                said => Err(format!("its chunk table is empty, its header says {said} points")),
-            };
-        };
-        let before = last.first;
-        if self.coding.layered && last.bytes >= self.coding.layered_front() as u64 {
+    fn last_of_fixed(&self, last: Chunk, each: u64) -> Result<u64, Trouble> {
+        let (before, said) = (last.first, self.claims.said());
+        // Some writers close a chunk without a point in it.
+        if said == before && last.bytes < self.coding.record_length as u64 {
+            return Ok(0);
+        }
+        if self.coding.layered {
             let mut front = vec![0; self.coding.layered_front()];
+            if last.bytes < front.len() as u64 {
+                return Err(Trouble::Table(format!("its last chunk has only {} bytes", last.bytes)));
+            }
             self.source.read_exact_at(&mut front, last.at).map_err(|e| e.to_string())?;
             let (points, _) = self.coding.layered_extent(&front);
             if points == 0 || points > each {
-                return Err(format!("its last chunk says that it has {points} points"));
+                return Err(Trouble::Table(format!("its last chunk says that it has {points} points")));
             }
-            last.points = points;
-            return Ok(before + points);
+            return Ok(points);
         }
-        let candidate = self.claims.candidates().find(|count| *count > before && *count <= before + each);
-        match candidate {
-            Some(points) => {
-                last.points = points - before;
-                Ok(points)
-            }
-            // A writer that closes a chunk without a point in it.
-            None if self.claims.said() == before => {
-                last.points = 0;
-                Ok(before)
-            }
-            None => Err(format!(
-                "its header says {} points, its chunk table goes with {} to {}",
-                self.claims.said(),
+        let found = self.claims.candidates().find(|count| *count > before && *count <= before + each);
+        found.map(|points| points - before).ok_or_else(|| {
+            Trouble::Header(format!(
+                "it says {said} points, but its LAZ chunks hold {} to {}",
                 before + 1,
                 before + each
-            )),
-        }
+            ))
+        })
     }
 
     /// What can be done when the table is missing or wrong.
@@ -267,13 +207,12 @@ impl Locator<'_> {
             return Ok((Layout::Chunks(chunks), points));
         }
         match self.chunking {
-            Chunking::Fixed(each) if said > 0 && !reason.starts_with("its header") => {
+            Chunking::Fixed(each) => {
                 notes.push(format!("{reason}; it can only be read from front to back"));
                 let layout =
                     Layout::Stream { start: self.start + 8, end: self.end, chunk_points: Some(each) };
                 Ok((layout, said))
             }
-            Chunking::Fixed(_) => Err(LasError::header(path, reason)),
             _ => Err(LasError::Damaged {
                 path: path.to_path_buf(),
                 place: "every chunk".to_string(),
@@ -310,7 +249,7 @@ impl Locator<'_> {
         let readable = if self.coding.layered {
             self.walk(said)?.last().map_or(0, |chunk| chunk.first + chunk.points)
         } else {
-            super::sequential::count_readable(self.source, self.coding, self.chunking, self.start + 8, said)
+            stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said)
         };
         Ok(LasError::Cut {
             path: self.source.path().to_path_buf(),

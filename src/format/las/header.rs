@@ -220,7 +220,8 @@ impl Front {
             crs: None,
             software: vlr::text(&raw.generating_software),
             system: vlr::text(&raw.system_identifier),
-            created: (created.year > 0 && (1..=366).contains(&created.day)).then_some(created),
+            // LAS is of 2003; before that there is only what was never set.
+            created: (created.year >= 1990 && (1..=366).contains(&created.day)).then_some(created),
             file_bytes: source.bytes(),
             notes: Vec::new(),
         }

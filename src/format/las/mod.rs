@@ -7,6 +7,7 @@
 //! spite of a lie is read, and [`Header::notes`] says so; what cannot is an
 //! error that says how much could be.
 
+mod chunk_table;
 mod chunks;
 mod coding;
 mod count;
@@ -15,8 +16,10 @@ mod error;
 mod extra_bytes;
 mod header;
 mod reader;
-mod sequential;
 mod source;
+mod stream;
+mod tally;
+mod turnstile;
 mod vlr;
 mod writer;
 
@@ -32,3 +35,6 @@ pub fn record_length(point_format: u8) -> Option<usize> {
     const LENGTHS: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
     LENGTHS.get(usize::from(point_format)).copied()
 }
+
+#[cfg(test)]
+mod tests;

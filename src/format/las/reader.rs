@@ -12,8 +12,9 @@ use super::chunks::{Chunk, Chunking, Layout, Locator};
 use super::coding::Coding;
 use super::count::Claims;
 use super::header::{self, Front, Header};
-use super::sequential::{Broken, Turnstile};
 use super::source::Source;
+use super::stream::Broken;
+use super::turnstile::Turnstile;
 use super::vlr::{self, Vlr};
 use super::{crs, extra_bytes};
 

@@ -41,11 +41,12 @@ impl Identity {
 
 impl Source {
     pub fn open(path: &Path) -> Result<Source, LasError> {
-        let file = File::open(path).map_err(|e| LasError::io("open", path, e))?;
-        let metadata = file.metadata().map_err(|e| LasError::io("look at", path, e))?;
-        if !metadata.is_file() {
+        // Before it is opened: opening a pipe waits for its writer.
+        if !std::fs::metadata(path).map_err(|e| LasError::io("open", path, e))?.is_file() {
             return Err(LasError::not_las(path, "it is not a file"));
         }
+        let file = File::open(path).map_err(|e| LasError::io("open", path, e))?;
+        let metadata = file.metadata().map_err(|e| LasError::io("look at", path, e))?;
         Ok(Source { file, path: path.to_path_buf(), opened: Identity::of(&metadata) })
     }
 

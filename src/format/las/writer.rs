@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::coding::Coding;
 use super::error::LasError;
+use super::tally::Tally;
 use super::{extra_bytes, vlr};
 use crate::cloud::attribute::ExtraField;
 use crate::disk::{Disk, DiskFile};
@@ -64,17 +65,6 @@ struct LazState {
     vlr: LazVlr,
     coding: Coding,
     table: ChunkTable,
-}
-
-/// What the header says of the points.
-#[derive(Debug)]
-struct Tally {
-    points: u64,
-    returns: [u64; 15],
-    min: [i32; 3],
-    max: [i32; 3],
-    /// The bits of byte 14 that hold the return number.
-    return_mask: u8,
 }
 
 impl LasWriter {
@@ -239,60 +229,6 @@ impl LazState {
             .build();
         let coding = Coding::new(vlr.items(), point_format)?;
         Ok(LazState { vlr, coding, table: ChunkTable::with_capacity(0) })
-    }
-}
-
-impl Tally {
-    fn new(point_format: u8) -> Tally {
-        let return_mask = if point_format < 6 { 0b0111 } else { 0b1111 };
-        Tally { points: 0, returns: [0; 15], min: [i32::MAX; 3], max: [i32::MIN; 3], return_mask }
-    }
-
-    fn add(&mut self, records: &[u8], record_length: usize) {
-        for record in records.chunks_exact(record_length) {
-            for axis in 0..3 {
-                let at = 4 * axis;
-                let value = i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
-                self.min[axis] = self.min[axis].min(value);
-                self.max[axis] = self.max[axis].max(value);
-            }
-            let number = record[14] & self.return_mask;
-            // A return number of 0 is not one; the header has no place for it.
-            if number > 0 {
-                self.returns[usize::from(number) - 1] += 1;
-            }
-            self.points += 1;
-        }
-    }
-
-    fn put_into(&self, header: &mut las::raw::Header) -> Result<(), String> {
-        let legacy = header.point_data_record_format & 0x3F < 6;
-        match u32::try_from(self.points) {
-            // The legacy counts are for formats that old readers know.
-            Ok(points) if legacy => {
-                header.number_of_point_records = points;
-                for (said, counted) in header.number_of_points_by_return.iter_mut().zip(self.returns) {
-                    *said = counted as u32;
-                }
-            }
-            Ok(_) => {}
-            Err(_) if header.version.minor >= 4 => {}
-            Err(_) => return Err(format!("{} points need LAS 1.4", self.points)),
-        }
-        header.large_file = (header.version.minor >= 4).then_some(las::raw::header::LargeFile {
-            number_of_point_records: self.points,
-            number_of_points_by_return: self.returns,
-        });
-        if self.points > 0 {
-            let x = |value: i32| f64::from(value) * header.x_scale_factor + header.x_offset;
-            let y = |value: i32| f64::from(value) * header.y_scale_factor + header.y_offset;
-            let z = |value: i32| f64::from(value) * header.z_scale_factor + header.z_offset;
-            let (min, max) = (self.min, self.max);
-            (header.min_x, header.max_x) = (x(min[0]), x(max[0]));
-            (header.min_y, header.max_y) = (y(min[1]), y(max[1]));
-            (header.min_z, header.max_z) = (z(min[2]), z(max[2]));
-        }
-        Ok(())
     }
 }
 

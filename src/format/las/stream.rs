@@ -1,16 +1,8 @@
-//! LAZ that has to be decoded from front to back: one stream without chunks
-//! (LASzip 1), chunks without a table, chunks too large to decode whole.
-//!
-//! Slices are still asked for from several threads, so there is a turnstile:
-//! the slice that is next goes through, a thread with a later one waits for its
-//! turn. It never waits for ever: if for some seconds nobody comes for the
-//! slices in between (their thread failed, or waits for this very one), it
-//! decodes them into nothing and goes on; and a slice that is behind starts
-//! over. So every order gives the right records, and file order is the fast one.
+//! A LAZ file as one stream of points, decoded from its front onward in portions
+//! of any size.
 
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::Arc;
 
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 
@@ -18,11 +10,8 @@ use super::chunks::{Chunk, Chunking, Layout};
 use super::coding::{Coding, guard};
 use super::source::Source;
 
-/// How long a thread waits for the slices before its own without seeing any
-/// progress.
-const PATIENCE: Duration = Duration::from_secs(3);
 /// Points that are decoded into nothing at a time.
-const SKIP: u64 = 10_000;
+pub const SKIP: u64 = 10_000;
 /// Compressed bytes that are decoded only to say how many points a cut file
 /// still has; that takes a few seconds.
 const MOST_TO_COUNT: u64 = 64 << 20;
@@ -36,108 +25,10 @@ pub struct Broken {
     pub ended: bool,
 }
 
-#[derive(Debug)]
-pub struct Turnstile {
-    source: Arc<Source>,
-    coding: Coding,
-    layout: Layout,
-    state: Mutex<State>,
-    moved: Condvar,
-}
-
-#[derive(Debug, Default)]
-struct State {
-    stream: Option<Stream>,
-    /// The first point that was not decoded yet.
-    next: u64,
-    broken: Option<Broken>,
-}
-
-impl Turnstile {
-    pub fn new(source: Arc<Source>, coding: Coding, layout: Layout) -> Turnstile {
-        Turnstile { source, coding, layout, state: Mutex::default(), moved: Condvar::new() }
-    }
-
-    /// Fills `records` with the points from `first` on.
-    pub fn read(&self, first: u64, records: &mut [u8]) -> Result<(), Broken> {
-        let points = (records.len() / self.coding.record_length) as u64;
-        // Nothing panics while the lock is held that is not caught; a poisoned
-        // state would be as good as any.
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        if first == 0 {
-            *state = State::default();
-        }
-        loop {
-            if let Some(broken) = &state.broken
-                && first + points > broken.readable
-            {
-                return Err(broken.clone());
-            }
-            if first <= state.next {
-                break;
-            }
-            let before = state.next;
-            let (woken, wait) =
-                self.moved.wait_timeout(state, PATIENCE).unwrap_or_else(PoisonError::into_inner);
-            state = woken;
-            if wait.timed_out() && state.next == before {
-                break;
-            }
-        }
-        let result = self.advance(&mut state, first, records);
-        if let Err(broken) = &result {
-            *state = State { broken: Some(broken.clone()), ..State::default() };
-        }
-        drop(state);
-        self.moved.notify_all();
-        result
-    }
-
-    fn advance(&self, state: &mut State, first: u64, records: &mut [u8]) -> Result<(), Broken> {
-        let mut stream = match state.stream.take() {
-            Some(stream) if stream.decoded <= first => stream,
-            _ => Stream::new(self.source.clone(), &self.layout),
-        };
-        let mut nothing = Vec::new();
-        while stream.decoded < first {
-            let points = (first - stream.decoded).min(SKIP);
-            nothing.resize(points as usize * self.coding.record_length, 0);
-            stream.decode(&self.coding, &self.layout, &mut nothing)?;
-        }
-        stream.decode(&self.coding, &self.layout, records)?;
-        state.next = stream.decoded;
-        state.stream = Some(stream);
-        Ok(())
-    }
-}
-
-/// How many points can be decoded from `start` on, up to `said`. Looks only at
-/// the first of a large file's bytes; then it is a lower bound.
-pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, start: u64, said: u64) -> u64 {
-    let Ok(source) = source.reopen() else { return 0 };
-    let end = source.bytes().min(start.saturating_add(MOST_TO_COUNT));
-    let chunk_points = match chunking {
-        Chunking::Fixed(points) => Some(points),
-        Chunking::Whole => None,
-        // Without the table nobody knows where one chunk ends.
-        Chunking::Variable => return 0,
-    };
-    let layout = Layout::Stream { start, end, chunk_points };
-    let mut stream = Stream::new(Arc::new(source), &layout);
-    let mut nothing = vec![0; SKIP as usize * coding.record_length];
-    while stream.decoded < said {
-        let points = (said - stream.decoded).min(SKIP) as usize;
-        if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
-            return broken.readable;
-        }
-    }
-    said
-}
-
 /// A place in the stream of points.
-struct Stream {
+pub struct Stream {
     /// Points that came out so far.
-    decoded: u64,
+    pub decoded: u64,
     /// Points that are left in the current chunk.
     left: u64,
     /// The next entry of [`Layout::Chunks`].
@@ -163,7 +54,7 @@ impl std::fmt::Debug for Stream {
 }
 
 impl Stream {
-    fn new(source: Arc<Source>, layout: &Layout) -> Stream {
+    pub fn new(source: Arc<Source>, layout: &Layout) -> Stream {
         let (position, end) = match layout {
             Layout::Chunks(chunks) => (
                 chunks.first().map_or(0, |chunk| chunk.at),
@@ -175,7 +66,7 @@ impl Stream {
         Stream { decoded: 0, left: 0, next_chunk: 0, state: Decoder::Idle(window) }
     }
 
-    fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
+    pub fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
         let mut rest = records;
         while !rest.is_empty() {
             if self.left == 0 {
@@ -322,4 +213,27 @@ impl Seek for Range {
         self.position = target.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.position)
     }
+}
+
+/// How many points can be decoded from `start` on, up to `said`. Looks only at
+/// the first of a large file's bytes; then it is a lower bound.
+pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, start: u64, said: u64) -> u64 {
+    let Ok(source) = source.reopen() else { return 0 };
+    let end = source.bytes().min(start.saturating_add(MOST_TO_COUNT));
+    let chunk_points = match chunking {
+        Chunking::Fixed(points) => Some(points),
+        Chunking::Whole => None,
+        // Without the table nobody knows where one chunk ends.
+        Chunking::Variable => return 0,
+    };
+    let layout = Layout::Stream { start, end, chunk_points };
+    let mut stream = Stream::new(Arc::new(source), &layout);
+    let mut nothing = vec![0; SKIP as usize * coding.record_length];
+    while stream.decoded < said {
+        let points = (said - stream.decoded).min(SKIP) as usize;
+        if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
+            return broken.readable;
+        }
+    }
+    said
 }

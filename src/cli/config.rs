@@ -1,0 +1,27 @@
+//! `lodestone config`.
+
+use super::{Exit, failed, serve};
+
+/// Print the configuration that `serve` would run with, as TOML.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    serve: serve::Arguments,
+}
+
+pub fn run(arguments: Arguments) -> Exit {
+    let config = match arguments.serve.effective() {
+        Ok(config) => config,
+        Err(error) => {
+            failed(&error);
+            return Exit::Usage;
+        }
+    };
+    match toml::to_string(&config.to_layer()) {
+        Ok(text) => {
+            print!("{text}");
+            Exit::Done
+        }
+        Err(error) => failed(&error),
+    }
+}

@@ -1,0 +1,27 @@
+//! The first SIGINT or SIGTERM stops in good order, the second at once. Neither
+//! loses anything: what a crash would keep, leaving at once keeps too.
+
+use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
+
+/// Exit code of a process that a signal ended, as shells count it (128 + SIGINT).
+const AT_ONCE: i32 = 130;
+
+pub(super) fn listen(stop: CancellationToken) -> std::io::Result<()> {
+    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    tokio::spawn(async move {
+        loop {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+            if stop.is_cancelled() {
+                tracing::warn!("leaving at once");
+                std::process::exit(AT_ONCE);
+            }
+            tracing::info!("stopping; once more to leave at once");
+            stop.cancel();
+        }
+    });
+    Ok(())
+}

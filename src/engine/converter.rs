@@ -1,0 +1,70 @@
+//! What the engine asks of a conversion. A trait, so that the queue can be tried
+//! with conversions that are slow, fail, panic or never end.
+
+use std::path::PathBuf;
+
+use super::conduct::{self, Request};
+use crate::stage::context::Context;
+use crate::stage::options::Options;
+
+/// What is to be converted.
+#[derive(Debug, Clone)]
+pub struct Work {
+    pub inputs: Vec<PathBuf>,
+    /// The folder that the octree is to become.
+    pub output: PathBuf,
+    pub options: Options,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, Default)]
+pub struct Report {
+    pub points_in: u64,
+    pub points_out: u64,
+    pub points_set_aside: u64,
+    pub output_bytes: u64,
+    /// All of the conversion's report, for the job's record.
+    pub json: serde_json::Value,
+}
+
+/// Why nothing came of it.
+#[derive(Debug, Clone)]
+pub struct Failure {
+    pub message: String,
+    /// Whether trying again with the same input can help.
+    pub may_pass: bool,
+    pub panicked: bool,
+}
+
+pub trait Converter: Send + Sync + 'static {
+    /// Converts, taking as long as it takes; looks at `context.cancel`.
+    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure>;
+}
+
+/// The real one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Conduct;
+
+impl Converter for Conduct {
+    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+        let request = Request {
+            inputs: work.inputs.clone(),
+            output: work.output.clone(),
+            // What an earlier attempt may have left.
+            overwrite: true,
+            options: work.options.clone(),
+        };
+        let outcome = conduct::convert(&request, context).map_err(|error| Failure {
+            may_pass: error.retry_can_help(),
+            message: error.to_string(),
+            panicked: false,
+        })?;
+        Ok(Report {
+            points_in: outcome.points_in,
+            points_out: outcome.points_out,
+            points_set_aside: outcome.points_set_aside,
+            output_bytes: outcome.output_bytes,
+            json: serde_json::to_value(&outcome).unwrap_or_default(),
+        })
+    }
+}

@@ -1,0 +1,113 @@
+//! Before a job is started: is there a lane, room and input for it? What does not
+//! fit is held with a reason, and what is behind it and fits goes first.
+
+use std::path::PathBuf;
+
+use super::Tools;
+use crate::config::Config;
+use crate::config::size::Size;
+use crate::job::{Input, Job};
+use crate::watch::fingerprint::{Difference, difference};
+
+/// Bytes of disk a point may need at worst while it is converted: its record in
+/// a run and in the octree, and the sampled levels above.
+const BYTES_A_POINT: u64 = 80;
+/// The same by bytes of input where no header tells the points; LAZ is packed
+/// about one to eight.
+const BYTES_A_BYTE: u64 = 16;
+
+/// Large data sets do not stand in the way of small ones: each has its lane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Lane {
+    Heavy,
+    Light,
+}
+
+impl Lane {
+    pub fn of(job: &Job, config: &Config) -> Lane {
+        if config.light_jobs > 0 && job.bytes <= config.light_bytes { Lane::Light } else { Lane::Heavy }
+    }
+
+    /// Jobs that may run side by side in it.
+    pub fn width(self, config: &Config) -> usize {
+        match self {
+            Lane::Heavy => config.heavy_jobs,
+            Lane::Light => config.light_jobs,
+        }
+    }
+
+    /// Bytes of memory for one job: the light lane has a quarter of it all.
+    pub fn memory(self, config: &Config) -> u64 {
+        let quarter = config.memory_limit / 4;
+        match self {
+            Lane::Heavy if config.light_jobs == 0 => config.memory_limit / config.heavy_jobs as u64,
+            Lane::Heavy => 3 * quarter / config.heavy_jobs as u64,
+            Lane::Light => quarter / config.light_jobs.max(1) as u64,
+        }
+    }
+}
+
+/// Bytes of disk that a job may need.
+pub(super) fn room(job: &Job) -> u64 {
+    match job.points {
+        0 => job.bytes.saturating_mul(BYTES_A_BYTE),
+        points => points.saturating_mul(BYTES_A_POINT),
+    }
+}
+
+/// Why a job must not start now, if so.
+pub(super) fn reason_to_hold(
+    job: &Job,
+    inputs: &[Input],
+    in_hand: &[(Lane, u64)],
+    tools: &Tools,
+) -> Option<String> {
+    for input in inputs {
+        match difference(input) {
+            Some(Difference::Missing) => {
+                return Some(format!("{} is not there (a missing mount?)", input.path.display()));
+            }
+            Some(Difference::Changed) => {
+                return Some(format!("{} has changed; waiting until it is quiet", input.path.display()));
+            }
+            None => {}
+        }
+    }
+    no_room(job, in_hand, tools)
+}
+
+fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
+    // What runs in the heavy lane has room set apart for all of its work, though
+    // part of that is used already: rather wait than run into a full disk. A
+    // light job needs too little to be held by that.
+    let set_apart: u64 = match Lane::of(job, &tools.config) {
+        Lane::Heavy => in_hand.iter().map(|(_, room)| *room).fold(0, u64::saturating_add),
+        Lane::Light => 0,
+    };
+    let needed = room(job).saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
+    for folder in [tools.config.scratch(), tools.config.octrees()] {
+        match tools.disk.free_space(&folder) {
+            Ok(free) if free < needed => {
+                return Some(format!(
+                    "needs up to {} on the disk of {}, which has {} free, of which {} are kept free and {} are \
+                     set apart for running jobs",
+                    Size(room(job)),
+                    folder.display(),
+                    Size(free),
+                    Size(tools.config.disk_reserve),
+                    Size(set_apart),
+                ));
+            }
+            Ok(_) => {}
+            Err(error) => return Some(error.to_string()),
+        }
+    }
+    None
+}
+
+/// The first input that is not what it was when the job was queued. One that is
+/// gone was read to its end before, and does not matter.
+pub(super) fn changed(inputs: &[Input]) -> Option<PathBuf> {
+    let changed = inputs.iter().find(|input| difference(input) == Some(Difference::Changed));
+    changed.map(|input| input.path.clone())
+}

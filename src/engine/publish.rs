@@ -1,0 +1,133 @@
+//! From the staging folder into `octrees/`, by one swap.
+//!
+//! A conversion's octree is made as `octrees/.staged/<job>`, on the same file
+//! system. Its inode goes into the queue before the swap, so that after a crash
+//! the two are told apart, the new octree and the old one that it replaces: the
+//! swap exchanges their names, and looks the same from both sides.
+
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+
+use super::Tools;
+use super::converter::Failure;
+use crate::config::Config;
+use crate::disk::{Disk, DiskError};
+use crate::job::{Job, JobId};
+
+/// Where octrees wait to be published.
+pub(super) fn staging_area(config: &Config) -> PathBuf {
+    config.octrees().join(".staged")
+}
+
+/// Where a job's octree is made.
+pub(super) fn staging(config: &Config, job: JobId) -> PathBuf {
+    staging_area(config).join(job.to_string())
+}
+
+pub(super) fn inode(path: &Path) -> std::io::Result<u64> {
+    std::fs::symlink_metadata(path).map(|meta| meta.ino())
+}
+
+/// Brings the octree whose folder has this inode into its place. May be called
+/// again after a crash at any point.
+pub(super) async fn publish(tools: &Tools, job: &Job, staged: u64) -> Result<(), Failure> {
+    let (from, to) = (staging(&tools.config, job.id), tools.config.octrees().join(&job.name));
+    let disk = tools.disk.clone();
+    let swapped = tokio::task::spawn_blocking(move || swap(&disk, &from, &to, staged)).await;
+    match swapped {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(error)) => {
+            let may_pass = error.may_pass();
+            Err(Failure { message: error.to_string(), may_pass, panicked: false })
+        }
+        Err(error) => {
+            Err(Failure { message: format!("publishing failed: {error}"), may_pass: true, panicked: true })
+        }
+    }
+}
+
+fn swap(disk: &Disk, from: &Path, to: &Path, staged: u64) -> Result<(), DiskError> {
+    if inode(to).ok() == Some(staged) && staged != 0 {
+        // It is in its place; what lies in staging is the old one.
+        return disk.remove_dir_all(from);
+    }
+    let failed = |error: std::io::Error| DiskError::new("publish", to, error);
+    if inode(from).map_err(failed)? != staged {
+        return Err(failed(std::io::Error::other("the staged octree is not the one that was converted")));
+    }
+    if to.symlink_metadata().is_err() {
+        return disk.rename(from, to);
+    }
+    match renameat_with(CWD, from, CWD, to, RenameFlags::EXCHANGE) {
+        Ok(()) => {
+            for folder in [to.parent(), from.parent()].into_iter().flatten() {
+                disk.sync_dir(folder)?;
+            }
+            disk.remove_dir_all(from)
+        }
+        // Some file systems cannot exchange; the octree is then missing for a
+        // moment, but never half there.
+        Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => {
+            let old = from.with_extension("old");
+            disk.remove_dir_all(&old)?;
+            disk.rename(to, &old)?;
+            disk.rename(from, to)?;
+            disk.remove_dir_all(&old)
+        }
+        Err(errno) => Err(failed(errno.into())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn octree(path: &Path, text: &str) -> u64 {
+        fs::create_dir_all(path).expect("made");
+        fs::write(path.join("metadata.json"), text).expect("written");
+        inode(path).expect("there")
+    }
+
+    fn content(path: &Path) -> Option<String> {
+        fs::read_to_string(path.join("metadata.json")).ok()
+    }
+
+    #[test]
+    fn the_first_is_renamed_and_the_next_exchanged() {
+        let root = tempfile::tempdir().expect("a folder");
+        let (from, to) = (root.path().join("7"), root.path().join("a"));
+        for text in ["one", "two"] {
+            let staged = octree(&from, text);
+            swap(&Disk::new(), &from, &to, staged).expect("published");
+            assert_eq!(content(&to).as_deref(), Some(text));
+            assert!(!from.exists());
+        }
+    }
+
+    /// A crash right after the exchange leaves the old octree under the staging
+    /// name; exchanging again would bring it back.
+    #[test]
+    fn publishing_again_after_a_crash_never_brings_back_the_old_octree() {
+        let root = tempfile::tempdir().expect("a folder");
+        let (from, to) = (root.path().join("7"), root.path().join("a"));
+        octree(&to, "old");
+        let staged = octree(&from, "new");
+        renameat_with(CWD, &from, CWD, &to, RenameFlags::EXCHANGE).expect("exchanged, and here it crashed");
+        swap(&Disk::new(), &from, &to, staged).expect("published");
+        assert_eq!(content(&to).as_deref(), Some("new"));
+        assert!(!from.exists());
+    }
+
+    #[test]
+    fn nothing_is_published_in_place_of_what_was_converted() {
+        let root = tempfile::tempdir().expect("a folder");
+        let (from, to) = (root.path().join("7"), root.path().join("a"));
+        assert!(swap(&Disk::new(), &from, &to, 12345).is_err());
+        let staged = octree(&from, "x");
+        assert!(swap(&Disk::new(), &from, &to, staged + 1).is_err());
+        assert!(!to.exists());
+    }
+}

@@ -1,0 +1,252 @@
+//! LAZ files that no writer of ours makes: chunks of many sizes, tables at the
+//! end, wrong or missing, streams that break.
+
+use laz::laszip::{ChunkTable, ChunkTableEntry};
+use laz::{LazVlr, LazVlrBuilder};
+
+use super::super::coding::Coding;
+use super::*;
+
+/// A LAZ file built by hand, chunk by chunk.
+struct Handmade {
+    bytes: Vec<u8>,
+    /// Where its points and its chunk table begin.
+    points_at: usize,
+    table_at: usize,
+    records: Vec<u8>,
+}
+
+impl Handmade {
+    /// `fixed` is the chunk size that the LASzip record tells, if any; `chunks`
+    /// are those that the file has.
+    fn new(point_format: u8, fixed: Option<u32>, chunks: &[usize]) -> Handmade {
+        let folder = tempfile::tempdir().unwrap();
+        let records = records(point_format, 0, chunks.iter().sum(), 5);
+        let path = written(folder.path(), &options(point_format, true), &records);
+        let mut bytes = std::fs::read(path).unwrap();
+        let points_at = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+        bytes.truncate(points_at);
+        let builder = LazVlrBuilder::default().with_point_format(point_format, 0).unwrap();
+        let vlr = match fixed {
+            Some(points) => builder.with_fixed_chunk_size(points),
+            None => builder.with_variable_chunk_size(),
+        }
+        .build();
+        put_laszip(&mut bytes, &vlr);
+        let coding = Coding::new(vlr.items(), point_format).unwrap();
+        let mut table = ChunkTable::with_capacity(chunks.len());
+        bytes.extend_from_slice(&[0; 8]);
+        let mut rest = records.as_slice();
+        for points in chunks {
+            let (now, later) = rest.split_at(points * coding.record_length);
+            let chunk = coding.encode(now).unwrap();
+            table.push(ChunkTableEntry { point_count: *points as u64, byte_count: chunk.len() as u64 });
+            bytes.extend_from_slice(&chunk);
+            rest = later;
+        }
+        let table_at = bytes.len();
+        table.write_to(&mut bytes, &vlr).unwrap();
+        bytes[points_at..points_at + 8].copy_from_slice(&(table_at as u64).to_le_bytes());
+        Handmade { bytes, points_at, table_at, records }
+    }
+
+    fn open(&self) -> Result<LasFile, LasError> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), &self.bytes).unwrap();
+        LasFile::open(file.path())
+    }
+
+    fn set_table_at(&mut self, at: i64) {
+        self.bytes[self.points_at..self.points_at + 8].copy_from_slice(&at.to_le_bytes());
+    }
+}
+
+/// Replaces the LASzip record's data, in its place at the end of the records.
+fn put_laszip(bytes: &mut [u8], vlr: &LazVlr) {
+    let mut data = Vec::new();
+    vlr.write_to(&mut data).unwrap();
+    let start = bytes.len() - data.len();
+    bytes[start..].copy_from_slice(&data);
+}
+
+#[test]
+fn chunks_of_any_size_are_read() {
+    for point_format in [0, 3, 5, 6, 10] {
+        for (fixed, chunks) in [
+            (Some(100), [100, 100, 100, 40].as_slice()),
+            (Some(100), &[100, 100]),
+            (None, &[1, 700, 3, 50]),
+            (None, &[300]),
+        ] {
+            let made = Handmade::new(point_format, fixed, chunks);
+            let file = made.open().unwrap();
+            assert!(file.header().notes.is_empty(), "{:?}", file.header().notes);
+            assert_eq!(file.slices(1).len(), chunks.len());
+            for points in [1, 150, 10_000] {
+                assert!(read_all(&file, points).unwrap() == made.records, "format {point_format} {chunks:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_chunk_table_whose_place_stands_at_the_end_is_found() {
+    for point_format in [1, 7] {
+        let mut made = Handmade::new(point_format, Some(100), &[100, 100, 30]);
+        made.set_table_at(-1);
+        made.bytes.extend_from_slice(&(made.table_at as u64).to_le_bytes());
+        let file = made.open().unwrap();
+        assert_eq!(file.slices(1).len(), 3);
+        assert!(read_all(&file, 1).unwrap() == made.records);
+    }
+}
+
+#[test]
+fn without_a_usable_chunk_table_the_points_are_still_read() {
+    type Spoil = fn(&mut Handmade);
+    let spoil: [(&str, Spoil); 4] = [
+        ("missing", |made| {
+            made.set_table_at(-1);
+            made.bytes.truncate(made.table_at);
+        }),
+        ("zero", |made| made.bytes[made.table_at..].fill(0)),
+        ("too many chunks", |made| made.bytes[made.table_at + 4..made.table_at + 8].fill(0xFF)),
+        ("in front of the points", |made| made.set_table_at(made.points_at as i64 + 3)),
+    ];
+    for (name, spoil) in spoil {
+        for (point_format, fixed) in [(1, Some(100)), (7, Some(100)), (7, None)] {
+            let mut made = Handmade::new(point_format, fixed, &[100, 100, 30]);
+            spoil(&mut made);
+            let file = made.open().unwrap_or_else(|e| panic!("{name} {point_format}: {e}"));
+            assert_eq!(file.header().points, 230);
+            assert!(!file.header().notes.is_empty());
+            for points in [7, 100, 10_000] {
+                assert!(read_all(&file, points).unwrap() == made.records, "{name} {point_format} {points}");
+            }
+        }
+        let mut made = Handmade::new(1, None, &[100, 100, 30]);
+        spoil(&mut made);
+        let error = made.open().unwrap_err().to_string();
+        assert!(error.contains("chunk table"), "{name}: {error}");
+    }
+}
+
+#[test]
+fn a_cut_laz_file_says_how_much_is_left() {
+    for point_format in [1, 7] {
+        let mut made = Handmade::new(point_format, Some(100), &[100, 100, 30]);
+        let rest = made.table_at - made.points_at;
+        made.bytes.truncate(made.points_at + rest * 2 / 3);
+        match made.open() {
+            Err(LasError::Cut { readable, points: 230, .. }) => {
+                assert!((100..200).contains(&readable), "format {point_format}: {readable}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_header_that_counts_wrong_in_laz_is_corrected_or_refused() {
+    // Layered chunks count themselves.
+    let mut made = Handmade::new(7, Some(100), &[100, 30]);
+    made.bytes[247..255].copy_from_slice(&77u64.to_le_bytes());
+    let file = made.open().unwrap();
+    assert_eq!(file.header().points, 130);
+    assert_eq!(file.header().notes.len(), 1);
+    assert!(read_all(&file, 100).unwrap() == made.records);
+    // The others do not say how full the last one is.
+    for said in [77u32, 100, 201, 4_000_000_000] {
+        let mut made = Handmade::new(1, Some(100), &[100, 30]);
+        made.bytes[107..111].copy_from_slice(&said.to_le_bytes());
+        let opened = made.open();
+        if said == 100 {
+            // Looks as if the last chunk were empty; it is not, and reading
+            // must not pass over it in silence.
+            assert!(opened.is_err(), "{said}");
+        } else {
+            assert!(matches!(opened, Err(LasError::Header { .. })), "{said}: {opened:?}");
+        }
+    }
+}
+
+#[test]
+fn damage_inside_a_chunk_is_an_error_that_says_where() {
+    for point_format in [1, 7] {
+        let mut made = Handmade::new(point_format, Some(100), &[100, 100, 30]);
+        let file = made.open().unwrap();
+        let second = file.slices(1)[1];
+        let middle = made.points_at + (made.table_at - made.points_at) / 2;
+        // The layer sizes of a layered chunk, the stream of another.
+        let at = if point_format == 1 { middle } else { made.points_at + 8 + 36 + 4 };
+        made.bytes[at] ^= 0x55;
+        let file = made.open().unwrap();
+        let errors: Vec<String> = file
+            .slices(1)
+            .into_iter()
+            .filter_map(|slice| file.read(slice, &mut Vec::new()).err())
+            .map(|error| error.to_string())
+            .collect();
+        assert_eq!(errors.len(), 1, "{errors:?}");
+        let place =
+            if point_format == 1 { format!("points {} to", second.first) } else { "points 0 to 99".into() };
+        assert!(errors[0].contains(&place), "{}", errors[0]);
+    }
+}
+
+#[test]
+fn a_slice_that_was_never_offered_is_refused() {
+    let made = Handmade::new(1, Some(100), &[100, 100, 30]);
+    let file = made.open().unwrap();
+    for (first, points) in [(0, 50), (50, 100), (100, 131), (230, 1), (u64::MAX, 2), (0, 231)] {
+        let result = file.read(Slice { first, points }, &mut Vec::new());
+        assert!(matches!(result, Err(LasError::NotASlice { .. })), "{first} {points}");
+    }
+}
+
+#[test]
+fn a_stream_that_breaks_tells_every_thread_and_can_start_over() {
+    let mut made = Handmade::new(1, Some(100), &[100, 100, 30]);
+    made.set_table_at(-1);
+    made.bytes.truncate(made.points_at + (made.table_at - made.points_at) * 2 / 3);
+    let file = made.open().unwrap();
+    let slices = file.slices(50);
+    assert_eq!(slices.len(), 5);
+    let failed = std::thread::scope(|scope| {
+        let threads: Vec<_> =
+            slices.iter().map(|slice| scope.spawn(|| file.read(*slice, &mut Vec::new()).is_err())).collect();
+        threads.into_iter().map(|t| t.join().unwrap()).collect::<Vec<_>>()
+    });
+    assert_eq!(failed[0..2], [false, false]);
+    assert_eq!(failed[3..5], [true, true]);
+    for _ in 0..2 {
+        let mut records = Vec::new();
+        file.read(slices[0], &mut records).unwrap();
+        assert!(records == made.records[..50 * 28]);
+        let error = file.read(slices[4], &mut records).unwrap_err();
+        assert!(matches!(error, LasError::Cut { points: 230, .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_chunk_too_large_to_decode_whole_is_read_in_parts() {
+    // 20 000 records of 4 000 extra bytes are 80 MB; twice that is too much.
+    let folder = tempfile::tempdir().unwrap();
+    let extra = vec![field("blob", Scalar::U8, 3000, 20)];
+    let options = LasOptions { extra, ..options(0, true) };
+    let path = folder.path().join("wide.laz");
+    let mut writer = LasWriter::create(&path, &options).unwrap();
+    let record = vec![7; 3020];
+    for _ in 0..45_000 {
+        writer.write(&record).unwrap();
+    }
+    writer.finish().unwrap();
+    let file = LasFile::open(&path).unwrap();
+    let slices = file.slices(40_000);
+    assert_eq!(slices[0].points, 40_000);
+    let mut records = Vec::new();
+    for slice in slices {
+        file.read(slice, &mut records).unwrap();
+        assert!(records.chunks_exact(3020).all(|r| r == record));
+    }
+}

@@ -1,0 +1,298 @@
+//! What the watcher found whole becomes a job, or turns out to be known: one
+//! transaction an arrival, so that a crash leaves either all of it or nothing.
+
+use std::path::PathBuf;
+
+use sqlx::{Row, Sqlite, Transaction};
+
+use super::{Result, Store, note, row, step};
+use crate::job::verdict::{Tally, forgive};
+use crate::job::{Event, Input, JobId, State};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    File,
+    Folder,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Kind::File => "file",
+            Kind::Folder => "folder",
+        }
+    }
+}
+
+/// A data set that is whole and quiet.
+#[derive(Debug, Clone)]
+pub struct Arrival {
+    /// The file or folder that was dropped; UTF-8, as all paths here.
+    pub path: PathBuf,
+    pub kind: Kind,
+    /// The wished name of its octree; a number is added where it is taken.
+    pub name: String,
+    /// Sizes and times of its files, so that it is known again.
+    pub stamp: String,
+    pub content_key: String,
+    pub inputs: Vec<Input>,
+    /// Conversion options as JSON.
+    pub options: String,
+    pub priority: i64,
+    /// Points that the headers claim.
+    pub points: u64,
+}
+
+/// What became of an arrival.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Admission {
+    /// A new job; the older open jobs of this source were called off.
+    New(JobId),
+    /// A job that had failed gets a new chance, for its source was written again.
+    Released(JobId),
+    /// The same content is converted, or about to be: nothing to do.
+    Known(JobId),
+}
+
+impl Admission {
+    pub fn job(&self) -> JobId {
+        match self {
+            Admission::New(job) | Admission::Released(job) | Admission::Known(job) => *job,
+        }
+    }
+}
+
+type Tx = Transaction<'static, Sqlite>;
+
+struct DataSet {
+    id: i64,
+    name: String,
+    revision: i64,
+}
+
+impl Store {
+    /// The stamps of all data sets by their path: what need not be looked at.
+    pub async fn stamps(&self) -> Result<Vec<(PathBuf, String)>> {
+        let rows = sqlx::query("SELECT path, stamp FROM data_set").fetch_all(&self.readers).await?;
+        rows.iter()
+            .map(|row| Ok((PathBuf::from(row.try_get::<String, _>("path")?), row.try_get("stamp")?)))
+            .collect()
+    }
+
+    /// Takes an arrival into the queue.
+    pub async fn take_in(&self, arrival: &Arrival, now: i64) -> Result<Admission> {
+        let mut tx = self.begin().await?;
+        let data_set = upsert_data_set(&mut tx, arrival, now).await?;
+        let admission = match find_standing(&mut tx, &arrival.content_key).await? {
+            Some(job) => {
+                meet_again(&mut tx, &data_set, job, arrival, now).await?;
+                Admission::Known(job)
+            }
+            None => match find_fallen(&mut tx, &data_set, &arrival.content_key).await? {
+                Some(job) => {
+                    release(&mut tx, job, arrival, now).await?;
+                    Admission::Released(job)
+                }
+                None => Admission::New(insert_job(&mut tx, &data_set, arrival, now).await?),
+            },
+        };
+        let job = admission.job();
+        call_off_older(&mut tx, &data_set, job, now).await?;
+        sqlx::query("UPDATE data_set SET job = ?, stamp = ?, updated_at = ? WHERE id = ?")
+            .bind(job)
+            .bind(&arrival.stamp)
+            .bind(now)
+            .bind(data_set.id)
+            .execute(&mut *tx)
+            .await?;
+        tx.commit().await?;
+        Ok(admission)
+    }
+}
+
+/// Finds or makes the data set's row and settles the name of its octree.
+async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<DataSet> {
+    let path = arrival.path.to_string_lossy();
+    let known = sqlx::query("SELECT id, name, revision FROM data_set WHERE path = ?")
+        .bind(&*path)
+        .fetch_optional(&mut **tx)
+        .await?;
+    if let Some(row) = known {
+        return Ok(DataSet {
+            id: row.try_get("id")?,
+            name: row.try_get("name")?,
+            revision: row.try_get("revision")?,
+        });
+    }
+    let name = free_name(tx, &arrival.name).await?;
+    let id = sqlx::query(
+        "INSERT INTO data_set (path, kind, name, stamp, created_at, updated_at) VALUES (?, ?, ?, '', ?, ?)",
+    )
+    .bind(&*path)
+    .bind(arrival.kind.name())
+    .bind(&name)
+    .bind(now)
+    .bind(now)
+    .execute(&mut **tx)
+    .await?
+    .last_insert_rowid();
+    Ok(DataSet { id, name, revision: 0 })
+}
+
+/// The wished name, or with the first free number behind it: `a.las` and
+/// `a.laz` are two data sets and get two octrees.
+async fn free_name(tx: &mut Tx, wished: &str) -> Result<String> {
+    for number in 1.. {
+        let name = if number == 1 { wished.to_string() } else { format!("{wished}-{number}") };
+        // Without regard to case, for file systems that have none.
+        let taken = sqlx::query("SELECT 1 FROM data_set WHERE lower(name) = lower(?)")
+            .bind(&name)
+            .fetch_optional(&mut **tx)
+            .await?;
+        if taken.is_none() {
+            return Ok(name);
+        }
+    }
+    unreachable!("the numbers do not end")
+}
+
+/// A job that converts this content now, or whose octree stands.
+async fn find_standing(tx: &mut Tx, content_key: &str) -> Result<Option<JobId>> {
+    let row = sqlx::query(
+        "SELECT id FROM job WHERE content_key = ? AND (state IN ('queued', 'running', 'paused') \
+         OR (state = 'done' AND superseded_by IS NULL))",
+    )
+    .bind(content_key)
+    .fetch_optional(&mut **tx)
+    .await?;
+    Ok(row.map(|row| row.try_get("id")).transpose()?)
+}
+
+/// A job of this data set that had this content and did not get done.
+async fn find_fallen(tx: &mut Tx, data_set: &DataSet, content_key: &str) -> Result<Option<JobId>> {
+    let row = sqlx::query(
+        "SELECT id FROM job WHERE data_set = ? AND content_key = ? \
+         AND state IN ('failed', 'quarantined', 'cancelled') ORDER BY id DESC LIMIT 1",
+    )
+    .bind(data_set.id)
+    .bind(content_key)
+    .fetch_optional(&mut **tx)
+    .await?;
+    Ok(row.map(|row| row.try_get("id")).transpose()?)
+}
+
+/// The content is known: under another name that is worth a note; under its own
+/// the file was only touched, and its times are noted anew.
+async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+    let row = sqlx::query("SELECT data_set FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
+    if row.try_get::<i64, _>("data_set")? == data_set.id {
+        return replace_inputs(tx, job, &arrival.inputs).await;
+    }
+    let path = arrival.path.to_string_lossy();
+    note(tx, job, now, "same content", Some(&format!("also dropped as {path}; not converted twice"))).await
+}
+
+async fn release(tx: &mut Tx, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+    let row = sqlx::query("SELECT * FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
+    let job_now = row::job(&row)?;
+    let state = step(job, job_now.state, Event::Release)?;
+    let tally =
+        Tally { attempts: job_now.attempts, strikes: job_now.strikes, postponements: job_now.postponements };
+    let tally = forgive(Event::Release, job_now.state == State::Quarantined, tally);
+    sqlx::query(
+        "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
+         finished_at = NULL, priority = ?, updated_at = ? WHERE id = ?",
+    )
+    .bind(state.name())
+    .bind(tally.strikes)
+    .bind(tally.postponements)
+    .bind(arrival.priority)
+    .bind(now)
+    .bind(job)
+    .execute(&mut **tx)
+    .await?;
+    replace_inputs(tx, job, &arrival.inputs).await?;
+    note(tx, job, now, Event::Release.name(), Some("its source was written again")).await
+}
+
+async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64) -> Result<JobId> {
+    let bytes: u64 = arrival.inputs.iter().map(|input| input.size).sum();
+    let job = sqlx::query(
+        "INSERT INTO job (data_set, name, source, revision, content_key, state, priority, options, \
+         points, bytes, created_at, updated_at) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(data_set.id)
+    .bind(&data_set.name)
+    .bind(&*arrival.path.to_string_lossy())
+    .bind(data_set.revision + 1)
+    .bind(&arrival.content_key)
+    .bind(arrival.priority)
+    .bind(&arrival.options)
+    .bind(i64::try_from(arrival.points).unwrap_or(i64::MAX))
+    .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
+    .bind(now)
+    .bind(now)
+    .execute(&mut **tx)
+    .await?
+    .last_insert_rowid();
+    sqlx::query("UPDATE data_set SET revision = revision + 1 WHERE id = ?")
+        .bind(data_set.id)
+        .execute(&mut **tx)
+        .await?;
+    replace_inputs(tx, job, &arrival.inputs).await?;
+    note(tx, job, now, "queued", None).await?;
+    Ok(job)
+}
+
+async fn replace_inputs(tx: &mut Tx, job: JobId, inputs: &[Input]) -> Result<()> {
+    sqlx::query("DELETE FROM job_input WHERE job = ?").bind(job).execute(&mut **tx).await?;
+    for (ord, input) in inputs.iter().enumerate() {
+        sqlx::query("INSERT INTO job_input (job, ord, path, size, mtime_ns, hash) VALUES (?, ?, ?, ?, ?, ?)")
+            .bind(job)
+            .bind(ord as i64)
+            .bind(&*input.path.to_string_lossy())
+            .bind(i64::try_from(input.size).unwrap_or(i64::MAX))
+            .bind(input.mtime_ns)
+            .bind(&input.hash)
+            .execute(&mut **tx)
+            .await?;
+    }
+    Ok(())
+}
+
+/// Calls off what the data set's older contents still had before them: waiting
+/// jobs at once, a running one by a wish.
+async fn call_off_older(tx: &mut Tx, data_set: &DataSet, job: JobId, now: i64) -> Result<()> {
+    let older = sqlx::query(
+        "SELECT * FROM job WHERE data_set = ? AND id <> ? AND state IN ('queued', 'running', 'paused')",
+    )
+    .bind(data_set.id)
+    .bind(job)
+    .fetch_all(&mut **tx)
+    .await?;
+    for row in &older {
+        let old = row::job(row)?;
+        let detail = format!("its source has newer content, which is job {job}");
+        if old.state == State::Running {
+            sqlx::query("UPDATE job SET wish = 'cancel', updated_at = ? WHERE id = ?")
+                .bind(now)
+                .bind(old.id)
+                .execute(&mut **tx)
+                .await?;
+        } else {
+            let state = step(old.id, old.state, Event::Cancel)?;
+            sqlx::query(
+                "UPDATE job SET state = ?, hold = NULL, error = ?, finished_at = ?, updated_at = ? WHERE id = ?",
+            )
+            .bind(state.name())
+            .bind(&detail)
+            .bind(now)
+            .bind(now)
+            .bind(old.id)
+            .execute(&mut **tx)
+            .await?;
+        }
+        note(tx, old.id, now, "superseded", Some(&detail)).await?;
+    }
+    Ok(())
+}

@@ -1,0 +1,349 @@
+//! The life of a job after it is queued: claims, heartbeats, ends, orders, and
+//! the recovery at start. Whoever ends an attempt must still hold its lease:
+//! `WHERE lease_owner = ? AND attempts = ?` is the fence, and where no row
+//! answers, the result is thrown away.
+
+use sqlx::{Row, Sqlite, Transaction};
+
+use super::{Result, Store, StoreError, note, row, step};
+use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
+use crate::job::{Event, Job, JobId, State, Wish};
+
+type Tx = Transaction<'static, Sqlite>;
+
+/// How an attempt ended, for the record.
+#[derive(Debug, Clone)]
+pub struct Ending {
+    pub end: End,
+    /// What to tell the operator.
+    pub error: Option<String>,
+}
+
+/// What the start found of an earlier run that died.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Recovered {
+    /// Back in the queue, or in quarantine.
+    Judged(JobId, Event),
+    /// Its octree is converted; only the swap into place is left to do.
+    Staged(Box<Job>),
+}
+
+impl Store {
+    /// Jobs that may start now, best first.
+    pub async fn ready(&self, now: i64, limit: i64) -> Result<Vec<Job>> {
+        let rows = sqlx::query(
+            "SELECT * FROM job WHERE state = 'queued' AND not_before <= ? \
+             ORDER BY priority DESC, id LIMIT ?",
+        )
+        .bind(now)
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(row::job).collect()
+    }
+
+    /// When the next waiting job may start, where one waits.
+    pub async fn next_start(&self, now: i64) -> Result<Option<i64>> {
+        let row =
+            sqlx::query("SELECT min(not_before) AS at FROM job WHERE state = 'queued' AND not_before > ?")
+                .bind(now)
+                .fetch_one(&self.readers)
+                .await?;
+        Ok(row.try_get("at")?)
+    }
+
+    /// Notes why a queued job does not start yet, or that nothing holds it.
+    pub async fn hold(&self, job: JobId, reason: Option<&str>, now: i64) -> Result<()> {
+        let mut tx = self.begin().await?;
+        let changed = sqlx::query(
+            "UPDATE job SET hold = ?, updated_at = ? WHERE id = ? AND state = 'queued' AND hold IS NOT ?",
+        )
+        .bind(reason)
+        .bind(now)
+        .bind(job)
+        .bind(reason)
+        .execute(&mut *tx)
+        .await?
+        .rows_affected();
+        if changed > 0
+            && let Some(reason) = reason
+        {
+            note(&mut tx, job, now, "held", Some(reason)).await?;
+        }
+        Ok(tx.commit().await?)
+    }
+
+    /// Takes a job for `owner` and counts the attempt, before anything is done.
+    /// Nothing is returned where the job is no longer queued.
+    pub async fn claim(&self, job: JobId, owner: &str, now: i64) -> Result<Option<Job>> {
+        let mut tx = self.begin().await?;
+        let Some(before) = find(&mut tx, job).await? else { return Ok(None) };
+        let Ok(state) = step(job, before.state, Event::Claim) else { return Ok(None) };
+        sqlx::query(
+            "UPDATE job SET state = ?, attempts = attempts + 1, lease_owner = ?, heartbeat_at = ?, \
+             started_at = ?, updated_at = ?, hold = NULL, wish = NULL, error = NULL, staged = 0, \
+             finished_at = NULL WHERE id = ?",
+        )
+        .bind(state.name())
+        .bind(owner)
+        .bind(now)
+        .bind(now)
+        .bind(now)
+        .bind(job)
+        .execute(&mut *tx)
+        .await?;
+        sqlx::query(
+            "INSERT INTO attempt (job, ord, owner, started_at) \
+             SELECT ?, 1 + coalesce(max(ord), 0), ?, ? FROM attempt WHERE job = ?",
+        )
+        .bind(job)
+        .bind(owner)
+        .bind(now)
+        .bind(job)
+        .execute(&mut *tx)
+        .await?;
+        note(&mut tx, job, now, Event::Claim.name(), None).await?;
+        let claimed = find(&mut tx, job).await?;
+        tx.commit().await?;
+        Ok(claimed)
+    }
+
+    /// Notes that a running job's progress moved.
+    pub async fn heartbeat(&self, job: JobId, owner: &str, now: i64) -> Result<()> {
+        sqlx::query("UPDATE job SET heartbeat_at = ? WHERE id = ? AND state = 'running' AND lease_owner = ?")
+            .bind(now)
+            .bind(job)
+            .bind(owner)
+            .execute(&self.writer)
+            .await?;
+        Ok(())
+    }
+
+    /// Notes that the octree is whole in the staging folder (`inode` tells it from
+    /// the one it will replace), with the report: from here on a crash costs
+    /// nothing but a swap.
+    pub async fn stage(&self, job: JobId, owner: &str, inode: u64, result: &str, now: i64) -> Result<bool> {
+        let done = sqlx::query(
+            "UPDATE job SET staged = ?, result = ?, updated_at = ? \
+             WHERE id = ? AND state = 'running' AND lease_owner = ?",
+        )
+        .bind(inode as i64)
+        .bind(result)
+        .bind(now)
+        .bind(job)
+        .bind(owner)
+        .execute(&self.writer)
+        .await?;
+        Ok(done.rows_affected() == 1)
+    }
+
+    /// Records the end of an attempt and what follows from it. Nothing is
+    /// returned where the lease was lost.
+    pub async fn finish(
+        &self,
+        job: JobId,
+        owner: &str,
+        ending: &Ending,
+        policy: &Policy,
+        now: i64,
+    ) -> Result<Option<Verdict>> {
+        let mut tx = self.begin().await?;
+        let held = sqlx::query("SELECT * FROM job WHERE id = ? AND state = 'running' AND lease_owner = ?")
+            .bind(job)
+            .bind(owner)
+            .fetch_optional(&mut *tx)
+            .await?;
+        let Some(held) = held else { return Ok(None) };
+        let verdict = end_attempt(&mut tx, &row::job(&held)?, ending, policy, now).await?;
+        tx.commit().await?;
+        Ok(Some(verdict))
+    }
+
+    /// What operators ask of running jobs.
+    pub async fn wishes(&self) -> Result<Vec<(JobId, Wish)>> {
+        let rows = sqlx::query("SELECT id, wish FROM job WHERE state = 'running' AND wish IS NOT NULL")
+            .fetch_all(&self.readers)
+            .await?;
+        let mut wishes = Vec::with_capacity(rows.len());
+        for row in &rows {
+            if let Some(wish) = Wish::parse(row.try_get("wish")?) {
+                wishes.push((row.try_get("id")?, wish));
+            }
+        }
+        Ok(wishes)
+    }
+
+    /// An operator's order. A running job gets it as a wish, which the next tick
+    /// fulfils; any other changes state at once.
+    pub async fn order(&self, job: JobId, event: Event, now: i64) -> Result<State> {
+        let mut tx = self.begin().await?;
+        let before = find(&mut tx, job).await?.ok_or(StoreError::NoSuchJob(job))?;
+        let state = step(job, before.state, event)?;
+        if before.state == State::Running {
+            let wish = if event == Event::Pause { Wish::Pause } else { Wish::Cancel };
+            sqlx::query("UPDATE job SET wish = ?, updated_at = ? WHERE id = ?")
+                .bind(wish.name())
+                .bind(now)
+                .bind(job)
+                .execute(&mut *tx)
+                .await?;
+            note(&mut tx, job, now, "asked", Some(wish.name())).await?;
+            tx.commit().await?;
+            return Ok(State::Running);
+        }
+        if state == State::Queued {
+            self.refuse_twin(&mut tx, &before, event).await?;
+        }
+        let tally = tally_of(&before);
+        let tally = match event {
+            Event::Retry => forgive(event, before.state == State::Quarantined, tally),
+            _ => tally,
+        };
+        sqlx::query(
+            "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
+             updated_at = ?, finished_at = CASE WHEN ? = 'cancelled' THEN ? ELSE NULL END WHERE id = ?",
+        )
+        .bind(state.name())
+        .bind(tally.strikes)
+        .bind(tally.postponements)
+        .bind(now)
+        .bind(state.name())
+        .bind(now)
+        .bind(job)
+        .execute(&mut *tx)
+        .await?;
+        note(&mut tx, job, now, event.name(), Some("by order")).await?;
+        tx.commit().await?;
+        Ok(state)
+    }
+
+    /// Two jobs of one content must not be open side by side.
+    async fn refuse_twin(&self, tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
+        let twin = sqlx::query(
+            "SELECT id FROM job WHERE content_key = ? AND id <> ? AND (state IN ('queued', 'running', 'paused') \
+             OR (state = 'done' AND superseded_by IS NULL))",
+        )
+        .bind(&job.content_key)
+        .bind(job.id)
+        .fetch_optional(&mut **tx)
+        .await?;
+        match twin {
+            Some(_) => Err(StoreError::Illegal {
+                job: job.id,
+                state: "the twin of a job that has the same content",
+                asked: event.name(),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    pub async fn set_priority(&self, job: JobId, priority: i64, now: i64) -> Result<()> {
+        let changed = sqlx::query("UPDATE job SET priority = ?, updated_at = ? WHERE id = ?")
+            .bind(priority)
+            .bind(now)
+            .bind(job)
+            .execute(&self.writer)
+            .await?;
+        if changed.rows_affected() == 0 { Err(StoreError::NoSuchJob(job)) } else { Ok(()) }
+    }
+
+    /// After the lock on the state folder is taken no other daemon can hold a
+    /// lease: every running job was left by one that died. Those whose octree is
+    /// staged are handed back to be published; the others are judged as crashed.
+    pub async fn recover(&self, owner: &str, policy: &Policy, now: i64) -> Result<Vec<Recovered>> {
+        let mut tx = self.begin().await?;
+        let rows = sqlx::query("SELECT * FROM job WHERE state = 'running'").fetch_all(&mut *tx).await?;
+        let mut recovered = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let job = row::job(row)?;
+            if job.staged.is_some() {
+                sqlx::query("UPDATE job SET lease_owner = ? WHERE id = ?")
+                    .bind(owner)
+                    .bind(job.id)
+                    .execute(&mut *tx)
+                    .await?;
+                recovered.push(Recovered::Staged(Box::new(job)));
+                continue;
+            }
+            // An operator's wish outlives the crash.
+            let end = match job.wish {
+                Some(Wish::Cancel) => End::Cancelled,
+                Some(Wish::Pause) => End::Paused,
+                None => End::Crashed,
+            };
+            let error = "the daemon died while it converted this".to_string();
+            let verdict =
+                end_attempt(&mut tx, &job, &Ending { end, error: Some(error) }, policy, now).await?;
+            recovered.push(Recovered::Judged(job.id, verdict.event));
+        }
+        tx.commit().await?;
+        Ok(recovered)
+    }
+}
+
+async fn find(tx: &mut Tx, job: JobId) -> Result<Option<Job>> {
+    let row = sqlx::query("SELECT * FROM job WHERE id = ?").bind(job).fetch_optional(&mut **tx).await?;
+    row.as_ref().map(row::job).transpose()
+}
+
+fn tally_of(job: &Job) -> Tally {
+    Tally { attempts: job.attempts, strikes: job.strikes, postponements: job.postponements }
+}
+
+async fn end_attempt(tx: &mut Tx, job: &Job, ending: &Ending, policy: &Policy, now: i64) -> Result<Verdict> {
+    let verdict = judge(ending.end, tally_of(job), policy);
+    let state = step(job.id, job.state, verdict.event)?;
+    let error = match (verdict.event, &ending.error) {
+        (Event::Quarantine, Some(error)) => Some(format!(
+            "{error}; this was strike {} and the job is in quarantine until its source changes or it is retried",
+            verdict.tally.strikes
+        )),
+        (Event::Succeed | Event::Park, _) => None,
+        (_, error) => error.clone(),
+    };
+    let finished = (!state.is_open()).then_some(now);
+    sqlx::query(
+        "UPDATE job SET state = ?, attempts = ?, strikes = ?, postponements = ?, not_before = ?, error = ?, \
+         lease_owner = NULL, heartbeat_at = NULL, wish = NULL, staged = 0, updated_at = ?, finished_at = ? \
+         WHERE id = ?",
+    )
+    .bind(state.name())
+    .bind(verdict.tally.attempts)
+    .bind(verdict.tally.strikes)
+    .bind(verdict.tally.postponements)
+    .bind(if verdict.wait > 0 { now + verdict.wait } else { 0 })
+    .bind(&error)
+    .bind(now)
+    .bind(finished)
+    .bind(job.id)
+    .execute(&mut **tx)
+    .await?;
+    sqlx::query("UPDATE attempt SET ended_at = ?, outcome = ?, error = ? WHERE job = ? AND ended_at IS NULL")
+        .bind(now)
+        .bind(verdict.event.name())
+        .bind(&error)
+        .bind(job.id)
+        .execute(&mut **tx)
+        .await?;
+    if verdict.event == Event::Succeed {
+        supersede(tx, job).await?;
+    }
+    note(tx, job.id, now, verdict.event.name(), error.as_deref()).await?;
+    Ok(verdict)
+}
+
+/// What this octree replaced does not stand any more: should its content come
+/// back, it must be converted anew.
+async fn supersede(tx: &mut Tx, job: &Job) -> Result<()> {
+    sqlx::query(
+        "UPDATE job SET superseded_by = ? WHERE name = ? AND id <> ? AND state = 'done' AND superseded_by IS NULL",
+    )
+    .bind(job.id)
+    .bind(&job.name)
+    .bind(job.id)
+    .execute(&mut **tx)
+    .await?;
+    // Its own standing begins anew, should it have been superseded before.
+    sqlx::query("UPDATE job SET superseded_by = NULL WHERE id = ?").bind(job.id).execute(&mut **tx).await?;
+    Ok(())
+}

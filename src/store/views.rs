@@ -1,0 +1,131 @@
+//! What the API, the metrics and the command line read of the queue.
+
+use serde::Serialize;
+use sqlx::Row;
+
+use super::{Result, Store, StoreError, row};
+use crate::job::{Input, Job, JobId, State};
+
+/// One run of a job. Times are milliseconds since 1970.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Attempt {
+    pub number: i64,
+    pub started_at: i64,
+    pub ended_at: Option<i64>,
+    pub outcome: Option<String>,
+    pub error: Option<String>,
+}
+
+/// One line of a job's history.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct History {
+    pub at: i64,
+    pub kind: String,
+    pub detail: Option<String>,
+}
+
+/// Gauges of the whole queue.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Counts {
+    /// Jobs by state, in the order of [`State::ALL`].
+    pub by_state: Vec<(State, i64)>,
+    /// When the oldest queued job was made.
+    pub oldest_queued: Option<i64>,
+    /// Queued jobs that something holds.
+    pub held: i64,
+    /// When the progress of a running job last moved.
+    pub last_heartbeat: Option<i64>,
+}
+
+impl Store {
+    pub async fn job(&self, job: JobId) -> Result<Job> {
+        let found =
+            sqlx::query("SELECT * FROM job WHERE id = ?").bind(job).fetch_optional(&self.readers).await?;
+        row::job(&found.ok_or(StoreError::NoSuchJob(job))?)
+    }
+
+    /// Jobs, the youngest first; those of one state where `state` is given, and
+    /// those with a smaller number than `before` for the next page.
+    pub async fn jobs(&self, state: Option<State>, before: Option<JobId>, limit: i64) -> Result<Vec<Job>> {
+        let state = state.map(State::name);
+        let rows = sqlx::query(
+            "SELECT * FROM job WHERE (?1 IS NULL OR state = ?1) AND (?2 IS NULL OR id < ?2) \
+             ORDER BY id DESC LIMIT ?3",
+        )
+        .bind(state)
+        .bind(before)
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(row::job).collect()
+    }
+
+    pub async fn inputs(&self, job: JobId) -> Result<Vec<Input>> {
+        let rows = sqlx::query("SELECT * FROM job_input WHERE job = ? ORDER BY ord")
+            .bind(job)
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(row::input).collect()
+    }
+
+    pub async fn attempts(&self, job: JobId) -> Result<Vec<Attempt>> {
+        let rows = sqlx::query("SELECT * FROM attempt WHERE job = ? ORDER BY ord DESC LIMIT 100")
+            .bind(job)
+            .fetch_all(&self.readers)
+            .await?;
+        let attempt = |row: &sqlx::sqlite::SqliteRow| {
+            Ok(Attempt {
+                number: row.try_get("ord")?,
+                started_at: row.try_get("started_at")?,
+                ended_at: row.try_get("ended_at")?,
+                outcome: row.try_get("outcome")?,
+                error: row.try_get("error")?,
+            })
+        };
+        rows.iter().map(attempt).collect()
+    }
+
+    pub async fn history(&self, job: JobId) -> Result<Vec<History>> {
+        let rows = sqlx::query("SELECT * FROM event WHERE job = ? ORDER BY id DESC LIMIT 200")
+            .bind(job)
+            .fetch_all(&self.readers)
+            .await?;
+        let line = |row: &sqlx::sqlite::SqliteRow| {
+            Ok(History { at: row.try_get("at")?, kind: row.try_get("kind")?, detail: row.try_get("detail")? })
+        };
+        rows.iter().map(line).collect()
+    }
+
+    pub async fn counts(&self) -> Result<Counts> {
+        let rows = sqlx::query("SELECT state, count(*) AS jobs FROM job GROUP BY state")
+            .fetch_all(&self.readers)
+            .await?;
+        let mut counts =
+            Counts { by_state: State::ALL.map(|state| (state, 0)).to_vec(), ..Counts::default() };
+        for row in &rows {
+            let state = row::state(row)?;
+            let jobs: i64 = row.try_get("jobs")?;
+            counts.by_state.iter_mut().filter(|(s, _)| *s == state).for_each(|(_, n)| *n = jobs);
+        }
+        let row = sqlx::query(
+            "SELECT min(created_at) AS oldest, count(hold) AS held FROM job WHERE state = 'queued'",
+        )
+        .fetch_one(&self.readers)
+        .await?;
+        counts.oldest_queued = row.try_get("oldest")?;
+        counts.held = row.try_get("held")?;
+        let row = sqlx::query("SELECT max(heartbeat_at) AS at FROM job WHERE state = 'running'")
+            .fetch_one(&self.readers)
+            .await?;
+        counts.last_heartbeat = row.try_get("at")?;
+        Ok(counts)
+    }
+
+    /// Numbers of the jobs that have work before them: whose scratch is theirs.
+    pub async fn open_jobs(&self) -> Result<Vec<JobId>> {
+        let rows = sqlx::query("SELECT id FROM job WHERE state IN ('queued', 'running', 'paused')")
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(|row| Ok(row.try_get("id")?)).collect()
+    }
+}

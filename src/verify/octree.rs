@@ -1,0 +1,100 @@
+//! An octree opened for checking: its metadata, its nodes, and its points a
+//! block at a time. octree.bin is read with positioned reads, never by memory
+//! map: it may be anyone's file, and may be cut short while it is read.
+
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use crate::cloud::attribute::Schema;
+use crate::format::potree::{self, Encoding, Metadata, Node, PotreeError};
+
+/// Points of a block that is read at once.
+const BLOCK: usize = 1 << 16;
+
+#[derive(Debug)]
+pub struct Octree {
+    pub metadata: Metadata,
+    pub schema: Schema,
+    /// Sorted by name.
+    pub nodes: Vec<Node>,
+    pub oddities: Vec<potree::hierarchy::Oddity>,
+    /// Size of octree.bin.
+    pub bytes: u64,
+    file: File,
+}
+
+/// How far an octree could be opened.
+pub enum Opened {
+    Whole(Box<Octree>),
+    /// The metadata is readable, the rest is not.
+    Metadata(Box<Metadata>, PotreeError),
+    Nothing(PotreeError),
+}
+
+impl Octree {
+    pub fn open(folder: &Path) -> Opened {
+        let metadata = match Metadata::read(folder) {
+            Ok(metadata) => metadata,
+            Err(error) => return Opened::Nothing(error),
+        };
+        match Octree::open_rest(folder, &metadata) {
+            Ok(octree) => Opened::Whole(Box::new(octree)),
+            Err(error) => Opened::Metadata(Box::new(metadata), error),
+        }
+    }
+
+    fn open_rest(folder: &Path, metadata: &Metadata) -> potree::Result<Octree> {
+        let read = |name: &str| {
+            let path = folder.join(name);
+            move |source| PotreeError::Read { path, source }
+        };
+        let schema = metadata.schema()?;
+        let hierarchy = fs::read(folder.join(potree::HIERARCHY)).map_err(read(potree::HIERARCHY))?;
+        let (nodes, oddities) =
+            potree::hierarchy::inspect_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
+        let file = File::open(folder.join(potree::OCTREE)).map_err(read(potree::OCTREE))?;
+        let bytes = file.metadata().map_err(read(potree::OCTREE))?.len();
+        Ok(Octree { metadata: metadata.clone(), schema, nodes, oddities, bytes, file })
+    }
+
+    /// Whether a node's bytes lie in octree.bin and can be as many points.
+    pub fn is_readable(&self, node: &Node) -> bool {
+        let end = node.offset.checked_add(node.size);
+        let size = u64::from(node.points) * self.schema.record_size() as u64;
+        let fits = match self.metadata.encoding {
+            Encoding::Default => node.size == size,
+            Encoding::Brotli => (node.size == 0) == (node.points == 0),
+        };
+        fits && end.is_some_and(|end| end <= self.bytes)
+    }
+
+    /// Hands over the records of a node block by block, in their order.
+    pub fn blocks(&self, node: &Node, mut block: impl FnMut(&[u8])) -> potree::Result<()> {
+        let damaged = |error: std::io::Error| PotreeError::Points(error.to_string());
+        if node.points == 0 {
+            return Ok(());
+        }
+        if self.metadata.encoding == Encoding::Brotli {
+            let mut bytes = vec![0; node.size as usize];
+            self.file.read_exact_at(&mut bytes, node.offset).map_err(damaged)?;
+            block(&potree::decode_node(&self.schema, Encoding::Brotli, node.points, &bytes)?);
+            return Ok(());
+        }
+        let record_size = self.schema.record_size();
+        let mut bytes = vec![0; BLOCK.min(node.points as usize) * record_size];
+        let (mut offset, end) = (node.offset, node.offset + node.size);
+        while offset < end {
+            let length = ((end - offset) as usize).min(bytes.len());
+            self.file.read_exact_at(&mut bytes[..length], offset).map_err(damaged)?;
+            block(&bytes[..length]);
+            offset += length as u64;
+        }
+        Ok(())
+    }
+}
+
+/// The position at the front of a record.
+pub fn position(record: &[u8]) -> [i32; 3] {
+    std::array::from_fn(|i| record[4 * i..].first_chunk().map_or(0, |bytes| i32::from_le_bytes(*bytes)))
+}

@@ -1,0 +1,90 @@
+//! `lodestone.json` in a folder: says that the folder is complete, and may give
+//! the octree's name, conversion options and a priority.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::stage::options::Options;
+
+/// The marker's file name.
+pub const NAME: &str = "lodestone.json";
+
+/// No marker is longer; the file comes from anybody who may write to the inbox.
+const LONGEST: u64 = 1 << 20;
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Marker {
+    pub name: Option<String>,
+    /// Only those that differ from the daemon's own.
+    pub options: serde_json::Map<String, serde_json::Value>,
+    pub priority: i64,
+}
+
+impl Marker {
+    /// Reads a marker; the message says what is wrong with it.
+    pub fn read(path: &Path) -> Result<Marker, String> {
+        let size = std::fs::metadata(path).map_err(|e| format!("{NAME} cannot be read: {e}"))?.len();
+        if size > LONGEST {
+            return Err(format!("{NAME} is {size} bytes long; at most {LONGEST} are read"));
+        }
+        let text = std::fs::read(path).map_err(|e| format!("{NAME} cannot be read: {e}"))?;
+        let marker: Marker = serde_json::from_slice(&text).map_err(|e| format!("{NAME} is wrong: {e}"))?;
+        marker.options_over(&Options::default())?;
+        Ok(marker)
+    }
+
+    /// The daemon's options with the marker's own over them.
+    pub fn options_over(&self, base: &Options) -> Result<Options, String> {
+        let wrong = |e: serde_json::Error| format!("{NAME}: wrong options: {e}");
+        let mut value = serde_json::to_value(base).map_err(wrong)?;
+        for (key, wish) in &self.options {
+            match value.get_mut(key) {
+                Some(slot) => *slot = wish.clone(),
+                None => return Err(format!("{NAME}: there is no option `{key}`")),
+            }
+        }
+        serde_json::from_value(value).map_err(wrong)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::options::Sampling;
+
+    fn read(text: &str) -> Result<Marker, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join(NAME);
+        std::fs::write(&path, text).expect("written");
+        Marker::read(&path)
+    }
+
+    #[test]
+    fn an_empty_object_is_enough() {
+        assert_eq!(read("{}"), Ok(Marker::default()));
+    }
+
+    #[test]
+    fn options_lie_over_those_of_the_daemon() {
+        let marker =
+            read(r#"{"name": "city", "priority": 5, "options": {"sampling": "random"}}"#).expect("fine");
+        let base = Options { attributes: vec!["intensity".into()], ..Options::default() };
+        let options = marker.options_over(&base).expect("fine");
+        assert_eq!((options.sampling, options.attributes), (Sampling::Random, base.attributes));
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, word) in [
+            ("", "wrong"),
+            (r#"{"nmae": "x"}"#, "nmae"),
+            (r#"{"options": {"samplng": "random"}}"#, "samplng"),
+            (r#"{"options": {"sampling": "best"}}"#, "best"),
+        ] {
+            let message = read(text).expect_err("wrong");
+            assert!(message.contains(word), "{message}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! `/api/…`: jobs as JSON, and orders to them.
+
+use axum::Json;
+use axum::extract::{Path, Query, State as Extract};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::Shared;
+use crate::job::{Event, Input, Job, JobId, State};
+use crate::store::board::Reading;
+use crate::store::{Attempt, History, StoreError};
+
+/// An answer that says what went wrong.
+pub(super) struct Refusal(StatusCode, String);
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        (self.0, Json(json!({ "error": self.1 }))).into_response()
+    }
+}
+
+impl From<StoreError> for Refusal {
+    fn from(error: StoreError) -> Refusal {
+        let status = match &error {
+            StoreError::NoSuchJob(_) => StatusCode::NOT_FOUND,
+            StoreError::Illegal { .. } => StatusCode::CONFLICT,
+            StoreError::Open { .. }
+            | StoreError::Migrate { .. }
+            | StoreError::Query(_)
+            | StoreError::Unknown { .. } => {
+                tracing::error!(%error, "an API request failed");
+                StatusCode::SERVICE_UNAVAILABLE
+            }
+        };
+        Refusal(status, error.to_string())
+    }
+}
+
+/// A job as the API tells it.
+#[derive(Serialize)]
+pub(super) struct JobView {
+    #[serde(flatten)]
+    pub job: Job,
+    /// The stage it is in, or where it ended: `queued`, `survey` … `done`.
+    pub stage: &'static str,
+    pub progress: Option<Reading>,
+    /// Where its octree is served, once it is published.
+    pub octree: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Details {
+    #[serde(flatten)]
+    view: JobView,
+    inputs: Vec<Input>,
+    attempts_log: Vec<Attempt>,
+    history: Vec<History>,
+}
+
+pub(super) fn view(shared: &Shared, job: Job) -> JobView {
+    let progress = match job.state {
+        State::Running => shared.board.read(job.id, shared.clock.now()),
+        _ => None,
+    };
+    let stage = match (job.state, &progress) {
+        (State::Done, _) => "done",
+        (_, Some(reading)) => reading.stage,
+        _ => "queued",
+    };
+    let published = job.state == State::Done && job.superseded_by.is_none();
+    let octree = published.then(|| super::octrees::url(&job.name));
+    JobView { job, stage, progress, octree }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Filter {
+    state: Option<String>,
+    /// The next page: jobs with a smaller number.
+    before: Option<JobId>,
+    limit: Option<i64>,
+}
+
+pub(super) async fn list(
+    Extract(shared): Extract<Shared>,
+    Query(filter): Query<Filter>,
+) -> Result<Response, Refusal> {
+    let state = match filter.state.as_deref() {
+        None => None,
+        Some(name) => Some(State::parse(name).ok_or_else(|| {
+            let names = State::ALL.map(State::name).join(", ");
+            Refusal(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
+        })?),
+    };
+    let limit = filter.limit.unwrap_or(200).clamp(1, 1000);
+    let jobs = shared.store.jobs(state, filter.before, limit).await?;
+    let jobs: Vec<JobView> = jobs.into_iter().map(|job| view(&shared, job)).collect();
+    Ok(Json(json!({ "jobs": jobs })).into_response())
+}
+
+pub(super) async fn show(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    let job = shared.store.job(id).await?;
+    let details = Details {
+        view: view(&shared, job),
+        inputs: shared.store.inputs(id).await?,
+        attempts_log: shared.store.attempts(id).await?,
+        history: shared.store.history(id).await?,
+    };
+    Ok(Json(details).into_response())
+}
+
+async fn order(shared: Shared, id: JobId, event: Event) -> Result<Response, Refusal> {
+    let state = shared.store.order(id, event, shared.clock.now()).await?;
+    shared.bell.notify_one();
+    // A running job does as it is told at the next tick.
+    let status = if state == State::Running { StatusCode::ACCEPTED } else { StatusCode::OK };
+    Ok((status, Json(view(&shared, shared.store.job(id).await?))).into_response())
+}
+
+pub(super) async fn retry(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    order(shared, id, Event::Retry).await
+}
+
+pub(super) async fn cancel(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    order(shared, id, Event::Cancel).await
+}
+
+pub(super) async fn pause(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    order(shared, id, Event::Pause).await
+}
+
+pub(super) async fn resume(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    order(shared, id, Event::Resume).await
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Priority {
+    priority: i64,
+}
+
+pub(super) async fn priority(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+    Json(wish): Json<Priority>,
+) -> Result<Response, Refusal> {
+    shared.store.set_priority(id, wish.priority, shared.clock.now()).await?;
+    shared.bell.notify_one();
+    Ok(Json(view(&shared, shared.store.job(id).await?)).into_response())
+}
+
+/// The watched folders: how news of them comes, what is missing, what waits.
+pub(super) async fn watch(Extract(shared): Extract<Shared>) -> Response {
+    let health = shared.health();
+    let watched: Vec<_> = health
+        .watched
+        .iter()
+        .map(|(path, mode)| json!({ "path": path, "mode": mode, "missing": health.missing.contains(path) }))
+        .collect();
+    Json(json!({ "watched": watched, "waiting": health.waiting, "last_scan": health.last_scan }))
+        .into_response()
+}

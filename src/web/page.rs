@@ -1,0 +1,96 @@
+//! `/`: the queue on a page that a person reads. Plain HTML without scripts or
+//! resources from elsewhere; it reloads itself.
+
+use std::fmt::Write;
+
+use axum::extract::State as Extract;
+use axum::http::header;
+use axum::response::{Html, IntoResponse, Response};
+
+use super::Shared;
+use super::api::{self, JobView, Refusal};
+use crate::config::size::Size;
+
+const HEAD: &str = "<!doctype html><html lang=en><meta charset=utf-8><meta http-equiv=refresh content=2>\
+<meta name=viewport content='width=device-width'><title>Lodestone</title><style>\
+body{font:15px/1.4 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222;background:#fff}\
+table{border-collapse:collapse;width:100%}td,th{text-align:left;padding:.3em .6em;border-bottom:1px solid #ddd;\
+vertical-align:top}.failed,.quarantined{color:#a00}.done{color:#070}.running{font-weight:bold}code{color:#555}\
+@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}td,th{border-color:#444}code{color:#aaa}\
+.failed,.quarantined{color:#f77}.done{color:#7c7}}</style>";
+
+pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, Refusal> {
+    let jobs = shared.store.jobs(None, None, 100).await?;
+    let jobs: Vec<JobView> = jobs.into_iter().map(|job| api::view(&shared, job)).collect();
+    let health = shared.health();
+    let mut html = String::from(HEAD);
+    html.push_str("<h1>Lodestone</h1><p>Drop LAS or LAZ files, or folders of tiles, into ");
+    let folders: Vec<String> = health
+        .watched
+        .iter()
+        .map(|(path, _)| format!("<code>{}</code>", escape(&path.to_string_lossy())))
+        .collect();
+    html.push_str(&folders.join(", "));
+    html.push_str(".</p>");
+    for missing in &health.missing {
+        let _ = write!(html, "<p class=failed>{} is not there.</p>", escape(&missing.to_string_lossy()));
+    }
+    html.push_str("<table><tr><th>#<th>Name<th>State<th>Points<th>Size<th>");
+    for view in &jobs {
+        row(&mut html, view);
+    }
+    html.push_str("</table>");
+    if !health.waiting.is_empty() {
+        html.push_str("<h2>Seen, not taken yet</h2><table>");
+        for waiting in health.waiting.iter().take(100) {
+            let path = escape(&waiting.path.to_string_lossy());
+            let _ = write!(html, "<tr><td>{path}<td>{}", escape(&waiting.why));
+        }
+        html.push_str("</table>");
+    }
+    let policy = "default-src 'none'; style-src 'unsafe-inline'";
+    Ok(([(header::CONTENT_SECURITY_POLICY, policy)], Html(html)).into_response())
+}
+
+fn row(html: &mut String, view: &JobView) {
+    let job = &view.job;
+    let state = job.state.name();
+    let name = match &view.octree {
+        Some(url) => format!("<a href='{url}'>{}</a>", escape(&job.name)),
+        None => escape(&job.name),
+    };
+    let said = match (&view.progress, &job.hold, &job.error) {
+        (Some(now), ..) => {
+            let left =
+                now.seconds_left.map_or(String::new(), |left| format!(", {left:.0} s left in this stage"));
+            format!("{} {:.0} %, {:.0} points/s{left}", now.stage, now.percent, now.points_per_second)
+        }
+        (_, Some(hold), _) => format!("held: {hold}"),
+        (_, _, Some(error)) => error.clone(),
+        _ => String::new(),
+    };
+    let _ = write!(
+        html,
+        "<tr><td>{}<td>{name}<td class={state}>{state}<td>{}<td>{}<td>{}",
+        job.id,
+        job.points,
+        Size(job.bytes),
+        escape(&said)
+    );
+}
+
+/// File names come from anybody who may write to the inbox.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}

@@ -1,0 +1,76 @@
+//! `/healthz`, `/readyz` and `/metrics`: for machines that watch the daemon.
+//!
+//! Liveness says whether a restart would help; readiness says whether the work
+//! can go on. A full disk is no reason for a restart.
+
+use axum::extract::State as Extract;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+use super::Shared;
+use crate::clock::Millis;
+
+/// A wheel that has not turned for so long hangs, in milliseconds. The engine
+/// turns every second at least.
+const STUCK: Millis = 60_000;
+
+/// Alive: the engine's wheel turns.
+pub(super) async fn healthz(Extract(shared): Extract<Shared>) -> Response {
+    let health = shared.health();
+    let idle = shared.clock.now() - health.last_tick;
+    if health.started && !health.stopping && idle > STUCK {
+        let text = format!("stuck: the engine has not turned for {} s\n", idle / 1000);
+        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
+    }
+    (StatusCode::OK, "ok\n").into_response()
+}
+
+/// Ready: started, not stopping, the queue answers, every watched folder is there.
+pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
+    let health = shared.health();
+    let mut reasons = Vec::new();
+    if !health.started {
+        reasons.push("starting".to_string());
+    }
+    if health.stopping {
+        reasons.push("stopping".to_string());
+    }
+    reasons.extend(health.queue_error);
+    reasons.extend(health.missing.iter().map(|path| format!("{} is not there", path.display())));
+    if reasons.is_empty() {
+        return (StatusCode::OK, "ready\n").into_response();
+    }
+    (StatusCode::SERVICE_UNAVAILABLE, format!("not ready: {}\n", reasons.join("; "))).into_response()
+}
+
+pub(super) async fn metrics(Extract(shared): Extract<Shared>) -> Response {
+    if let Err(error) = refresh(&shared).await {
+        // The gauges of the queue keep their last values; the rest is true.
+        tracing::error!(%error, "the queue's figures could not be read");
+        shared.metrics.queue_errors.inc();
+    }
+    match shared.metrics.render() {
+        Ok((kind, text)) => ([(header::CONTENT_TYPE, kind)], text).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+/// Gauges that are cheaper to read now and then than to keep.
+async fn refresh(shared: &Shared) -> crate::store::Result<()> {
+    let (metrics, now) = (&shared.metrics, shared.clock.now());
+    let health = shared.health();
+    metrics.watch_waiting.set(health.waiting.len() as i64);
+    for (folder, path) in [("scratch", shared.config.scratch()), ("octrees", shared.config.octrees())] {
+        if let Ok(free) = shared.disk.free_space(&path) {
+            metrics.free_bytes.with_label_values(&[folder]).set(i64::try_from(free).unwrap_or(i64::MAX));
+        }
+    }
+    let counts = shared.store.counts().await?;
+    for (state, jobs) in &counts.by_state {
+        metrics.jobs.with_label_values(&[state.name()]).set(*jobs);
+    }
+    metrics.jobs_held.set(counts.held);
+    let age = counts.oldest_queued.map_or(0, |oldest| (now - oldest).max(0));
+    metrics.oldest_queued_seconds.set(age as f64 / 1000.0);
+    Ok(())
+}
