@@ -245,6 +245,9 @@ impl Engine {
             metrics.points_set_aside.inc_by(report.points_set_aside);
             metrics.input_bytes.inc_by(running.job.bytes);
             metrics.output_bytes.inc_by(report.output_bytes);
+            for (stage, seconds) in &report.seconds_by_stage {
+                metrics.stage_seconds.with_label_values(&[stage]).observe(*seconds);
+            }
             let started = running.job.started_at.unwrap_or(now);
             metrics.job_seconds.observe((now - started).max(0) as f64 / 1000.0);
         }
@@ -268,10 +271,6 @@ impl Engine {
     async fn look_at_progress(&mut self) -> Result<()> {
         let now = self.tools.clock.now();
         for look in self.tools.board.look(now) {
-            if let Some((stage, millis)) = look.ended {
-                let seconds = millis.max(0) as f64 / 1000.0;
-                self.tools.metrics.stage_seconds.with_label_values(&[stage.name()]).observe(seconds);
-            }
             let Some(running) = self.running.get_mut(&look.job) else { continue };
             if look.moved_at > running.beat_at {
                 self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
