@@ -126,7 +126,10 @@ impl Engine {
         let id = job.id;
         let end = match publish::publish(&self.tools, &job, job.staged.unwrap_or(0)).await {
             Ok(()) => Ending { end: End::Published, error: None },
-            Err(failure) => Ending { end: End::Crashed, error: Some(failure.message) },
+            Err(failure) => {
+                let end = if failure.may_pass { End::Passing } else { End::Crashed };
+                Ending { end, error: Some(failure.message) }
+            }
         };
         tracing::info!(job = id, name = job.name, "was converted before the daemon died; publishing it");
         self.tools
