@@ -111,7 +111,7 @@ fn the_same_content_is_not_converted_twice_and_new_content_replaces_the_old() {
 #[test]
 fn a_folder_is_one_data_set_and_a_marker_names_it() {
     let root = root();
-    let daemon = Daemon::start_with(&root.path().join("data"), &["--settle-seconds", "1"]);
+    let daemon = Daemon::start(&root.path().join("data"));
     let folder = daemon.inbox().join("tiles");
     fs::create_dir_all(folder.join("deep/er")).expect("made");
     fs::write(folder.join("deep/er/b.las"), las(2_000, 2)).expect("dropped");
@@ -261,4 +261,66 @@ fn a_vanished_folder_deletes_nothing_and_its_return_is_noticed() {
     daemon.wait("b", "done");
     assert_eq!(daemon.jobs().len(), 2, "what was known is not done again");
     wait_for("readiness", || (daemon.get("/readyz").0 == 200).then_some(()));
+}
+
+fn lodestone(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let run =
+        std::process::Command::new(env!("CARGO_BIN_EXE_lodestone")).args(arguments).output().expect("run");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (run.status.code(), text(&run.stdout), text(&run.stderr))
+}
+
+#[test]
+fn the_command_line_reads_and_orders_beside_a_running_daemon() {
+    let root = root();
+    let data = root.path().join("data");
+    let daemon = Daemon::start(&data);
+    let at = data.to_str().expect("a path");
+    fs::write(daemon.inbox().join("big.las"), las(1_500_000, 6)).expect("dropped");
+    let id = daemon.wait("big", "running")["id"].to_string();
+    let (code, table, _) = lodestone(&["jobs", "--root", at, "list"]);
+    assert_eq!(code, Some(0));
+    assert!(table.contains("big") && table.contains("running") && table.contains("1,500,000"), "{table}");
+    assert_eq!(lodestone(&["jobs", "--root", at, "cancel", &id]).0, Some(0));
+    daemon.wait("big", "cancelled");
+    let (code, _, error) = lodestone(&["jobs", "--root", at, "pause", &id]);
+    assert_eq!(code, Some(1));
+    assert!(error.contains("is cancelled"), "{error}");
+    let (_, json, _) = lodestone(&["jobs", "--root", at, "--json", "show", &id]);
+    let job: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(job["state"], "cancelled");
+    assert_eq!(lodestone(&["jobs", "--root", at, "show", "77"]).0, Some(1));
+    let nowhere = root.path().join("nowhere");
+    let (code, _, error) = lodestone(&["jobs", "--root", nowhere.to_str().expect("a path"), "list"]);
+    assert_eq!(code, Some(1));
+    assert!(error.contains("nowhere"), "{error}");
+}
+
+#[test]
+fn a_token_is_asked_for_and_the_probes_stay_open() {
+    let root = root();
+    let daemon = Daemon::start_with(&root.path().join("data"), &["--token", "a great secret"]);
+    assert_eq!(daemon.get("/api/jobs").0, 401);
+    assert_eq!(daemon.get("/octrees/x/metadata.json").0, 401);
+    assert_eq!(daemon.ask("GET /api/jobs\nAuthorization: Bearer a great secre", "").0, 401);
+    assert_eq!(daemon.ask("GET /api/jobs\nAuthorization: Bearer a great secret", "").0, 200);
+    assert_eq!(daemon.get("/healthz").0, 200);
+}
+
+#[test]
+fn the_configuration_is_checked_at_start_and_told_on_request() {
+    let root = root();
+    let file = root.path().join("lodestone.toml");
+    fs::write(&file, "settle_seconds = 2.5\nheavy_jobs = 3\n").expect("written");
+    let at = file.to_str().expect("a path");
+    let (code, text, _) = lodestone(&["config", "--config", at, "--heavy-jobs", "2"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("settle_seconds = 2.5") && text.contains("heavy_jobs = 2"), "{text}");
+    fs::write(&file, "setle_seconds = 2.5\n").expect("written");
+    let (code, _, error) = lodestone(&["serve", "--config", at]);
+    assert_eq!(code, Some(2));
+    assert!(error.contains("setle_seconds"), "{error}");
+    let (code, _, error) = lodestone(&["serve", "--listen", "0.0.0.0:0"]);
+    assert_eq!(code, Some(2));
+    assert!(error.contains("open_to_network"), "{error}");
 }

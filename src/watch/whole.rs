@@ -14,7 +14,7 @@ pub(super) fn judge(path: &Path) -> Wholeness {
     if let Some(verdict) = first_word(path) {
         return verdict;
     }
-    let file = match LasFile::open(path) {
+    let file = match LasFile::open_strictly(path) {
         Ok(file) => file,
         // Even a header that cannot be right may be the torso of one that can.
         Err(error) => return Wholeness::NotYet(error.to_string()),

@@ -85,6 +85,9 @@ pub struct Locator<'a> {
     pub start: u64,
     pub end: u64,
     pub claims: Claims,
+    /// Only a chunk table that accounts for every byte will do: for files that
+    /// may still be on their way.
+    pub strict: bool,
 }
 
 /// No LAZ coder gets more points into a byte than this: even a point that
@@ -122,6 +125,7 @@ impl Locator<'_> {
                 Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
+<<<<<<< HEAD
             Table::Beyond => {
                 let reason = "its chunk table should lie behind its end".to_string();
                 let readable = self.readable(said)?;
@@ -131,7 +135,15 @@ impl Locator<'_> {
                 }
                 reason
             }
+=======
+            Table::Beyond if self.strict => "it should lie behind the end of the file".to_string(),
+            Table::Beyond => return Err(self.cut(said)?),
+>>>>>>> daemon
         };
+        if self.strict {
+            let place = "its chunk table".to_string();
+            return Err(LasError::Damaged { path: path.to_path_buf(), place, reason });
+        }
         self.without_table(said, &reason, notes)
     }
 

@@ -61,12 +61,27 @@ enum Body {
 
 impl LasFile {
     pub fn open(path: &Path) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, false)
+    }
+
+    /// Opens a file that may still be on its way: quickly, and without the
+    /// lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
+    pub fn open_strictly(path: &Path) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, true)
+    }
+
+    fn open_as(path: &Path, strict: bool) -> Result<LasFile, LasError> {
         let source = Arc::new(Source::open(path)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = records(&source, &front, &mut notes)?;
+<<<<<<< HEAD
         let points = if front.compressed {
             compressed(&source, &front, &records, &mut notes)?
+=======
+        let (body, points, record_length) = if front.compressed {
+            compressed(&source, &front, &records, strict, &mut notes)?
+>>>>>>> daemon
         } else {
             plain(&source, &front, &mut notes)?
         };
@@ -252,6 +267,7 @@ fn compressed(
     source: &Arc<Source>,
     front: &Front,
     records: &[Vlr],
+    strict: bool,
     notes: &mut Vec<String>,
 ) -> Result<Points, LasError> {
     let path = source.path();
@@ -276,6 +292,7 @@ fn compressed(
         start: front.points_at(),
         end: front.points_end(source).max(front.points_at()),
         claims: Claims::of(&front.raw),
+        strict,
     };
     let located = locator.locate(notes)?;
     let record_length = coding.record_length;
