@@ -24,6 +24,10 @@ pub(super) fn judge(path: &Path) -> Wholeness {
         // Some programs write the count last.
         return Wholeness::NotYet(format!("{} counts no points (yet)", path.display()));
     }
+    if !file.is_complete() {
+        let path = path.display();
+        return Wholeness::NotYet(format!("{path} holds points that its header does not count (yet)"));
+    }
     if !file.header().compressed && ends_in_zeros(&file, points) {
         return Wholeness::NotYet(format!("{} ends in zeros", path.display()));
     }

@@ -125,7 +125,7 @@ impl Locator<'_> {
                 Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
-<<<<<<< HEAD
+            Table::Beyond if self.strict => "it should lie behind the end of the file".to_string(),
             Table::Beyond => {
                 let reason = "its chunk table should lie behind its end".to_string();
                 let readable = self.readable(said)?;
@@ -135,10 +135,6 @@ impl Locator<'_> {
                 }
                 reason
             }
-=======
-            Table::Beyond if self.strict => "it should lie behind the end of the file".to_string(),
-            Table::Beyond => return Err(self.cut(said)?),
->>>>>>> daemon
         };
         if self.strict {
             let place = "its chunk table".to_string();

@@ -75,13 +75,8 @@ impl LasFile {
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = records(&source, &front, &mut notes)?;
-<<<<<<< HEAD
         let points = if front.compressed {
-            compressed(&source, &front, &records, &mut notes)?
-=======
-        let (body, points, record_length) = if front.compressed {
             compressed(&source, &front, &records, strict, &mut notes)?
->>>>>>> daemon
         } else {
             plain(&source, &front, &mut notes)?
         };
