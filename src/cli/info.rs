@@ -85,11 +85,10 @@ fn octree_page(folder: &Path) -> potree::Result<String> {
     if let Some([min, max]) = position.and_then(tight_box) {
         extent(&mut page, min, max, metadata.scale);
     }
-    let side = metadata.bounding_box.max[0] - metadata.bounding_box.min[0];
-    page.line(
-        "root cube",
-        format!("{side} wide, from {}", coordinates(metadata.bounding_box.min, metadata.scale)),
-    );
+    let bounds = &metadata.bounding_box;
+    let sides: [f64; 3] = std::array::from_fn(|axis| bounds.max[axis] - bounds.min[axis]);
+    page.line("root cube", coordinates(sides, metadata.scale));
+    page.line("", format!("from {}", coordinates(bounds.min, metadata.scale)));
     page.line("scale", join(metadata.scale));
     page.line("offset", join(metadata.offset));
     page.block("projection", or_none(&metadata.projection));
