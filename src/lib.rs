@@ -14,6 +14,11 @@
 //! A stage is a plain synchronous function from one value to the next, parallel
 //! inside; it knows nothing of SQLite, HTTP or async. The engine conducts.
 
+// An error is told to its owner and no panic reaches the daemon; what cannot
+// happen says why not, by `expect` or `unreachable!`. Here and not in
+// Cargo.toml, because integration tests may do as they like.
+#![warn(clippy::unwrap_used, clippy::panic)]
+
 // Pure rooms: no files, no clock, no threads of their own.
 pub mod cloud;
 pub mod job;

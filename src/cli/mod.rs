@@ -6,6 +6,7 @@ mod info;
 mod jobs;
 mod progress;
 mod serve;
+mod signals;
 mod synth;
 mod verify;
 

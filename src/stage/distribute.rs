@@ -184,7 +184,7 @@ impl Bucketer {
         self.run.resize(records.len(), 0);
         for (r, chunk) in records.chunks_exact(length).zip(&self.chunks) {
             let to = &mut next[*chunk as usize];
-            self.run[*to..*to + length].copy_from_slice(r);
+            record::copy_record(r, &mut self.run[*to..*to + length]);
             *to += length;
         }
         Ok(counts)

@@ -16,7 +16,7 @@ mod shapes;
 mod source;
 mod street;
 
-pub use point::{FORMATS, Lattice, Point, record_length};
+pub use point::{Lattice, Point};
 pub use scene::{Recipe, Scene, SceneError, Tile};
 
 use serde::{Deserialize, Serialize};

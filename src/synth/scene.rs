@@ -8,10 +8,11 @@ use super::aerial::{Flight, side_for};
 use super::interior::Building;
 use super::land::{Land, PARCEL};
 use super::noise::{hash, unit};
-use super::point::{FORMATS, Lattice, Point, record_length};
+use super::point::{Lattice, Point};
 use super::scan::Tripod;
 use super::shapes::Shape;
 use super::source::Source;
+use crate::format::las::record_length;
 
 /// What a scene is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,12 +133,10 @@ impl Scene {
 
     /// The LAS records of the points `first..first + count` (fewer at the end).
     pub fn slice(&self, first: u64, count: u64, format: u8) -> Result<Vec<u8>, SceneError> {
-        if !FORMATS.contains(&format) {
-            return Err(SceneError::Format(format));
-        }
+        let record = record_length(format).ok_or(SceneError::Format(format))?;
         let wanted = first..first.saturating_add(count).min(self.points());
         let length = wanted.end.saturating_sub(first) as usize;
-        let mut records = Vec::with_capacity(length * record_length(format));
+        let mut records = Vec::with_capacity(length * record);
         let mut block = Vec::new();
         let start = self.parts.partition_point(|part| part.first + part.points <= first);
         for part in self.parts[start..].iter().take_while(|part| part.first < wanted.end) {

@@ -1,6 +1,11 @@
 //! Laws that every scene keeps.
 
 use super::*;
+use crate::format::las;
+
+fn record_length(format: u8) -> usize {
+    las::record_length(format).unwrap()
+}
 
 fn scene(kind: Kind, points: u64) -> Scene {
     Scene::new(Recipe::new(kind, points, 1)).unwrap()
