@@ -6,7 +6,6 @@ mod info;
 mod jobs;
 mod progress;
 mod serve;
-mod signals;
 mod synth;
 mod verify;
 
@@ -107,7 +106,7 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
     let number: f64 =
         digits.trim().parse().map_err(|_| format!("{text:?} is no amount of memory, such as 512M"))?;
     let bytes = number * factor as f64;
-    if !(bytes >= 1.0 && bytes < 9e18) {
+    if !(1.0..9e18).contains(&bytes) {
         return Err(format!("{text:?} is no sensible amount of memory"));
     }
     Ok(bytes as u64)
