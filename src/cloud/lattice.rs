@@ -141,9 +141,10 @@ pub fn choose(
     (lattice, requantise)
 }
 
-/// An offset moved by whole units, rounded once.
+/// An offset moved by whole units, rounded once; never the -0 that some
+/// headers have.
 fn moved(offset: f64, scale: f64, units: i64) -> f64 {
-    if units == 0 { offset } else { (units as f64).mul_add(scale, offset) }
+    if units == 0 { offset + 0.0 } else { (units as f64).mul_add(scale, offset) }
 }
 
 /// What was chosen for one axis, before the offset is moved.

@@ -61,8 +61,8 @@ fn expand_one(argument: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result
     Ok(())
 }
 
-/// One input a line; empty lines and lines from `#` on are skipped; relative
-/// names start at the list's own folder.
+/// One input a line; empty lines and lines from `#` on are skipped; a relative
+/// name is looked for beside the list, then in the current folder.
 fn expand_list(list: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), InputsError> {
     let text =
         fs::read_to_string(list).map_err(|source| InputsError::Read { path: list.to_path_buf(), source })?;
@@ -71,16 +71,21 @@ fn expand_list(list: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()
     for line in text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')) {
         match line.strip_prefix('@') {
             Some(nested) => {
-                let nested = format!("@{}", folder.join(nested).display());
+                let nested = format!("@{}", beside(folder, nested).display());
                 expand_one(Path::new(&nested), depth + 1, files)?;
             }
-            None => expand_one(&folder.join(line), depth + 1, files)?,
+            None => expand_one(&beside(folder, line), depth + 1, files)?,
         }
     }
     if files.len() == before {
         return Err(InputsError::EmptyList(list.to_path_buf()));
     }
     Ok(())
+}
+
+fn beside(folder: &Path, name: &str) -> PathBuf {
+    let there = folder.join(name);
+    if there.exists() { there } else { PathBuf::from(name) }
 }
 
 /// LAS and LAZ files below a folder, sorted; links to folders are not followed,

@@ -23,8 +23,9 @@ mod tests_support;
 mod value;
 mod walk;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::format::inputs::{InputsError, expand};
 use crate::format::las::LasError;
 use crate::format::potree::{Metadata, PotreeError};
 use octree::{Octree, Opened};
@@ -52,27 +53,15 @@ pub enum VerifyError {
     Octree(#[from] PotreeError),
     #[error(transparent)]
     Las(#[from] LasError),
-    #[error("could not read the input {}: {source}", path.display())]
-    Input {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
-    #[error("there is no LAS or LAZ file to hold the octree against; name files, or folders that hold some")]
-    NoInputs,
-}
-
-impl VerifyError {
-    fn input(path: &Path, source: std::io::Error) -> VerifyError {
-        VerifyError::Input { path: path.to_path_buf(), source }
-    }
+    #[error(transparent)]
+    Inputs(#[from] InputsError),
 }
 
 /// Checks an octree, on the threads of the current rayon pool.
 pub fn verify(request: &Request) -> Result<Report, VerifyError> {
     let files = match request.against.is_empty() {
         true => Vec::new(),
-        false => inputs::find(&request.against)?,
+        false => expand(&request.against)?,
     };
     let octree = match Octree::open(&request.octree) {
         Opened::Whole(octree) => octree,
