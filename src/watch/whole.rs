@@ -24,6 +24,9 @@ pub(super) fn judge(path: &Path) -> Wholeness {
         // Some programs write the count last.
         return Wholeness::NotYet(format!("{} counts no points (yet)", path.display()));
     }
+    if !file.is_complete() {
+        return Wholeness::NotYet(format!("{} does not hold what its header counts", path.display()));
+    }
     if !file.header().compressed && ends_in_zeros(&file, points) {
         return Wholeness::NotYet(format!("{} ends in zeros", path.display()));
     }
