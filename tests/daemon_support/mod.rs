@@ -1,7 +1,7 @@
 //! What the tests of the daemon share: a LAS file made of numbers, the real
 //! daemon as a child process, and just enough of an HTTP client to talk to it.
 
-#![allow(dead_code)] // each test file uses a part
+#![allow(dead_code, reason = "each test file uses a part")]
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
