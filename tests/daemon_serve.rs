@@ -280,7 +280,7 @@ fn the_command_line_reads_and_orders_beside_a_running_daemon() {
     let id = daemon.wait("big", "running")["id"].to_string();
     let (code, table, _) = lodestone(&["jobs", "--root", at, "list"]);
     assert_eq!(code, Some(0));
-    assert!(table.contains("big") && table.contains("running") && table.contains("1,500,000"), "{table}");
+    assert!(table.contains("big") && table.contains("running") && table.contains("1 500 000"), "{table}");
     assert_eq!(lodestone(&["jobs", "--root", at, "cancel", &id]).0, Some(0));
     daemon.wait("big", "cancelled");
     let (code, _, error) = lodestone(&["jobs", "--root", at, "pause", &id]);

@@ -4,6 +4,7 @@ use super::{Exit, failed, serve};
 
 /// Print the configuration that `serve` would run with, as TOML.
 #[derive(Debug, clap::Args)]
+#[group(skip)] // the one of `serve`, flattened in, has the name already
 pub struct Arguments {
     #[command(flatten)]
     serve: serve::Arguments,

@@ -91,6 +91,16 @@ impl Cube {
         u64::from(tree[0] | tree[1] | tree[2]) >> self.bits == 0
     }
 
+    /// Tree units that the distance of two points in tree coordinates may be
+    /// longer than it is on the lattice: 0 unless coordinates are rounded, and
+    /// then less than one an axis, √3 in all.
+    pub fn slack(&self) -> u32 {
+        match self.to_tree {
+            ToTree::Shift(0) => 0,
+            ToTree::Shift(_) | ToTree::Stretch(_) => 2,
+        }
+    }
+
     /// World length of the side.
     pub fn side(&self) -> f64 {
         self.unit * (1u64 << self.bits) as f64

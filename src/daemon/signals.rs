@@ -37,12 +37,19 @@ pub(super) fn listen(stop: CancellationToken) -> std::io::Result<()> {
             }
             if stop.is_cancelled() {
                 tracing::warn!("leaving at once");
-                #[expect(clippy::exit, reason = "asked for twice: at once is what is meant")]
-                std::process::exit(AT_ONCE);
+                leave();
             }
             tracing::info!("stopping; once more to leave at once");
             stop.cancel();
         }
     });
     Ok(())
+}
+
+#[expect(
+    clippy::exit,
+    reason = "the second signal says: at once; a crash loses nothing, so neither does this"
+)]
+fn leave() -> ! {
+    std::process::exit(AT_ONCE)
 }

@@ -57,6 +57,8 @@ struct Candidate {
 }
 
 pub struct PoissonDisk {
+    /// Tree units that a distance between tree coordinates may be too long by.
+    slack: u32,
     /// One bit a cell: does it hold samples?
     occupied: Vec<u8>,
     /// Per cell the newest sample; valid where the bit is set.
@@ -69,7 +71,17 @@ pub struct PoissonDisk {
 
 impl Default for PoissonDisk {
     fn default() -> PoissonDisk {
+        PoissonDisk::with_slack(0)
+    }
+}
+
+impl PoissonDisk {
+    /// A sampler for tree coordinates that were rounded: samples keep the
+    /// spacing and `slack` tree units more, so that they keep the spacing in the
+    /// cloud itself. Cells are then twice as wide as the spacing.
+    pub fn with_slack(slack: u32) -> PoissonDisk {
         PoissonDisk {
+            slack,
             occupied: vec![0; AXIS * AXIS * ROW],
             heads: vec![0; AXIS * AXIS * AXIS],
             samples: Vec::new(),
@@ -83,15 +95,23 @@ impl Default for PoissonDisk {
 /// A node's spacing in tree units and how coordinates become cells.
 #[derive(Clone, Copy)]
 struct Spacing {
+    /// Cells are 2^shift tree units wide, at least as wide as the spacing.
     shift: u32,
+    /// The distance that samples keep, and its square.
+    reach: i64,
     squared: i64,
 }
 
 impl Spacing {
     /// Below a unit the spacing only forbids two points at one position.
-    fn of(frame: Frame) -> Spacing {
-        let shift = frame.spacing_shift();
-        Spacing { shift, squared: 1 << (2 * shift) }
+    fn of(frame: Frame, slack: u32) -> Spacing {
+        let spacing = frame.spacing_shift();
+        let reach = (1 << spacing) + i64::from(slack);
+        let mut shift = spacing;
+        while 1 << shift < reach {
+            shift += 1;
+        }
+        Spacing { shift, reach, squared: reach * reach }
     }
 
     #[inline]
@@ -209,7 +229,7 @@ impl PoissonDisk {
             return;
         }
         let side = 1i64 << frame.side_bits;
-        let reach = 1i64 << spacing.shift;
+        let reach = spacing.reach;
         for neighbour in neighbours(node) {
             let Some(samples) = self.halo.get(&neighbour) else { continue };
             let near: Vec<Local> = samples
@@ -233,7 +253,7 @@ impl PoissonDisk {
     /// Remembers the node's samples near its faces.
     fn save_halo(&mut self, node: NodeKey, frame: Frame, spacing: Spacing, own_from: usize) {
         let side = 1i64 << frame.side_bits;
-        let reach = 1i64 << spacing.shift;
+        let reach = spacing.reach;
         let near_face = |c: i32| i64::from(c) < reach || i64::from(c) >= side - reach;
         let near: Vec<[u32; 3]> = self.samples[own_from..]
             .iter()
@@ -274,7 +294,7 @@ impl Sampler for PoissonDisk {
     }
 
     fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
-        let spacing = Spacing::of(frame);
+        let spacing = Spacing::of(frame, self.slack);
         self.load_halo(node, frame, spacing);
         let own_from = self.samples.len();
         self.order_inside_out(frame, candidates);
@@ -345,6 +365,15 @@ mod tests {
                 prop_assert!(a.contains(p) || closest(&[*p], &a, false) < squared);
             }
         }
+    }
+
+    #[test]
+    fn slack_is_kept_on_top_of_the_spacing() {
+        let points: Vec<[u32; 3]> =
+            (0..4000u32).map(|i| [i * 7919 % 1024, i * 5309 % 1024, i * 3461 % 16]).collect();
+        let samples = sampled(&mut PoissonDisk::with_slack(2), NodeKey::ROOT, 10, &points);
+        assert!(closest(&samples, &samples, true) >= 10 * 10);
+        assert!(points.iter().all(|p| samples.contains(p) || closest(&[*p], &samples, false) < 10 * 10));
     }
 
     #[test]

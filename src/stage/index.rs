@@ -35,9 +35,9 @@ pub struct Indexed {
     pub points: u64,
 }
 
-pub fn sampler(sampling: Sampling) -> Box<dyn Sampler> {
+pub fn sampler(survey: &Survey, sampling: Sampling) -> Box<dyn Sampler> {
     match sampling {
-        Sampling::Poisson => Box::new(PoissonDisk::default()),
+        Sampling::Poisson => Box::new(PoissonDisk::with_slack(survey.cube.slack())),
         Sampling::Random => Box::new(RandomInGrid::default()),
     }
 }
@@ -55,7 +55,7 @@ pub fn index(
     let threads = threads_for_memory(survey, context)?;
     let rising: Vec<Mutex<Option<Rising>>> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
-    let start = || Indexer::new(options);
+    let start = || Indexer::new(survey, options);
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, i| {
         let done = indexer.chunk(survey, runs, octree, i, context).inspect_err(|_| octree.fail())?;
         let (root, statistics, points) = done;
@@ -96,8 +96,8 @@ struct Indexer<'o> {
 }
 
 impl<'o> Indexer<'o> {
-    fn new(options: &'o Options) -> Indexer<'o> {
-        let sampler = sampler(options.sampling);
+    fn new(survey: &Survey, options: &'o Options) -> Indexer<'o> {
+        let sampler = sampler(survey, options.sampling);
         Indexer { options, sampler, items: Vec::new(), spare: Vec::new(), raw: Vec::new() }
     }
 

@@ -149,7 +149,7 @@ impl<'a> Merger<'a> {
             survey,
             context,
             above,
-            sampler: index::sampler(options.sampling),
+            sampler: index::sampler(survey, options.sampling),
             roots,
             writer: NodeWriter::new(survey, options.encoding, records),
             taken: Vec::new(),
