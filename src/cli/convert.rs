@@ -75,6 +75,7 @@ pub fn run(arguments: Arguments) -> Exit {
             name: arguments.name,
         },
     };
+    crate::daemon::signals::cancel_on_signal(&context.cancel);
     let style = arguments.progress;
     let result = progress::shown(style, &context.progress, || conduct::convert(&request, &context));
     match result {

@@ -1,11 +1,213 @@
-//! `lodestone info`.
+//! `lodestone info`: a page about an octree or a LAS file, for a person. It
+//! tells what the file says of itself and reads no points.
 
-use super::Exit;
+use std::fmt::{self, Write};
+use std::fs;
+use std::path::{Path, PathBuf};
 
-/// Describe an octree or a LAS/LAZ file.
+use super::{Exit, grouped};
+use crate::cloud::attribute::Scalar;
+use crate::format::las::{Header, LasFile};
+use crate::format::potree::{self, Metadata, MetadataAttribute, Node};
+
+/// Describe an octree or a LAS/LAZ file
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// The folder of an octree, or a LAS or LAZ file
+    path: PathBuf,
+}
 
-pub fn run(_arguments: Arguments) -> Exit {
-    Exit::Failed
+pub fn run(arguments: Arguments) -> Exit {
+    let path = arguments.path;
+    let folder = match path.file_name().is_some_and(|name| name == potree::METADATA) {
+        true => path.parent().unwrap_or(Path::new(".")),
+        false => &path,
+    };
+    let page = match folder.is_dir() {
+        true => octree_page(folder).map_err(|error| super::failed(&error)),
+        false => LasFile::open(&path)
+            .map_err(|error| super::failed(&error))
+            .map(|file| las_page(&path, file.header())),
+    };
+    match page {
+        Ok(page) => {
+            print!("{page}");
+            Exit::Done
+        }
+        Err(exit) => exit,
+    }
+}
+
+/// A page of lines, each with a title.
+#[derive(Default)]
+struct Page(String);
+
+impl Page {
+    fn line(&mut self, title: &str, text: impl fmt::Display) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.0, "{title:<14} {text}");
+    }
+
+    /// A text of several lines, under one title.
+    fn block(&mut self, title: &str, text: &str) {
+        for (index, line) in text.lines().enumerate() {
+            self.line(if index == 0 { title } else { "" }, line);
+        }
+    }
+}
+
+fn octree_page(folder: &Path) -> potree::Result<String> {
+    let metadata = Metadata::read(folder)?;
+    let path = folder.join(potree::HIERARCHY);
+    let hierarchy = fs::read(&path).map_err(|source| potree::PotreeError::Read { path, source })?;
+    let nodes = potree::read_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
+    let bytes = fs::metadata(folder.join(potree::OCTREE)).map_or(0, |file| file.len());
+    let mut page = Page::default();
+    page.line("octree", folder.display());
+    page.line("name", or_none(&metadata.name));
+    if !metadata.description.is_empty() {
+        page.block("description", &metadata.description);
+    }
+    if let Some(generator) = &metadata.generator {
+        page.line(
+            "made by",
+            format!("{} {}, sampling {}", generator.name, generator.version, generator.sampling),
+        );
+    }
+    page.line("points", grouped(metadata.points));
+    let encoding = match metadata.encoding {
+        potree::Encoding::Default => "DEFAULT",
+        potree::Encoding::Brotli => "BROTLI",
+    };
+    let each = bytes as f64 / metadata.points.max(1) as f64;
+    page.line("points file", format!("{} bytes, {encoding}, {each:.1} bytes a point", grouped(bytes)));
+    let position = metadata.attributes.iter().find(|attribute| attribute.name == "position");
+    if let Some([min, max]) = position.and_then(tight_box) {
+        extent(&mut page, min, max, metadata.scale);
+    }
+    let bounds = &metadata.bounding_box;
+    let sides: [f64; 3] = std::array::from_fn(|axis| bounds.max[axis] - bounds.min[axis]);
+    page.line("root cube", coordinates(sides, metadata.scale));
+    page.line("", format!("from {}", coordinates(bounds.min, metadata.scale)));
+    page.line("scale", join(metadata.scale));
+    page.line("offset", join(metadata.offset));
+    page.block("projection", or_none(&metadata.projection));
+    page.0.push('\n');
+    levels(&mut page, &metadata, &nodes);
+    page.0.push('\n');
+    attributes(&mut page, &metadata);
+    Ok(page.0)
+}
+
+fn tight_box(position: &MetadataAttribute) -> Option<[[f64; 3]; 2]> {
+    Some([*position.min.first_chunk()?, *position.max.first_chunk()?])
+}
+
+/// A table of the levels: spacing, nodes, leaves, points.
+fn levels(page: &mut Page, metadata: &Metadata, nodes: &[Node]) {
+    let deepest = nodes.iter().map(|node| node.name.level()).max().unwrap_or(0);
+    page.line("level", format!("{:>12} {:>12} {:>12} {:>16}", "spacing", "nodes", "leaves", "points"));
+    let row = |level: Option<u8>| {
+        let of_level = nodes.iter().filter(move |node| level.is_none_or(|level| node.name.level() == level));
+        let leaves = of_level.clone().filter(|node| node.child_mask == 0).count() as u64;
+        let points = of_level.clone().map(|node| u64::from(node.points)).sum();
+        (of_level.count() as u64, leaves, points)
+    };
+    for level in (0..=deepest).map(Some).chain([None]) {
+        let (count, leaves, points) = row(level);
+        let spacing =
+            level.map_or(String::new(), |level| format!("{:.6}", metadata.spacing / f64::from(level).exp2()));
+        let title = level.map_or("all".to_string(), |level| level.to_string());
+        let (count, leaves, points) = (grouped(count), grouped(leaves), grouped(points));
+        page.line(&title, format!("{spacing:>12} {count:>12} {leaves:>12} {points:>16}"));
+    }
+}
+
+fn attributes(page: &mut Page, metadata: &Metadata) {
+    let longest = metadata.attributes.iter().map(|a| a.name.chars().count()).max().unwrap_or(0);
+    for (index, attribute) in metadata.attributes.iter().enumerate() {
+        let kind = match attribute.value_type.unwrap_or(attribute.kind).into() {
+            Scalar::F32 => "float".to_string(),
+            Scalar::F64 => "double".to_string(),
+            scalar => format!("{scalar:?}").to_lowercase().replace('i', "int").replace('u', "uint"),
+        };
+        let halves = if attribute.value_type.is_some() { 2 } else { 1 };
+        let elements = match attribute.num_elements / halves {
+            1 => kind,
+            elements => format!("{kind} x{elements}"),
+        };
+        // Halves say nothing of the range of the whole.
+        let range = match attribute.value_type {
+            Some(_) => String::new(),
+            None => format!("{} to {}", join(&attribute.min), join(&attribute.max)),
+        };
+        let title = if index == 0 { "attributes" } else { "" };
+        page.line(title, format!("{:<longest$}  {elements:<10}  {range}", attribute.name));
+    }
+}
+
+fn las_page(path: &Path, header: &Header) -> String {
+    let mut page = Page::default();
+    page.line("file", path.display());
+    let kind = if header.compressed { "LAZ" } else { "LAS" };
+    let (major, minor) = header.version;
+    page.line("format", format!("{kind} {major}.{minor}, point format {}", header.point_format));
+    page.line("size", format!("{} bytes, records of {}", grouped(header.file_bytes), header.record_length));
+    page.line("points", grouped(header.points));
+    extent(&mut page, header.min, header.max, header.scale);
+    page.line("scale", join(header.scale));
+    page.line("offset", join(header.offset));
+    page.line("software", or_none(&header.software));
+    page.line("system", or_none(&header.system));
+    let created = header.created.map(|created| format!("day {} of {}", created.day, created.year));
+    page.line("created", created.as_deref().unwrap_or("-"));
+    match &header.crs {
+        Some(crs) => page
+            .block(&format!("CRS ({})", if crs.source.name() == "WKT" { "WKT" } else { "keys" }), &crs.text),
+        None => page.line("CRS", "-"),
+    }
+    for (index, field) in header.extra.iter().enumerate() {
+        let title = if index == 0 { "extra bytes" } else { "" };
+        let text = format!("{}, {:?} x{} {}", field.name, field.scalar, field.elements, field.description);
+        page.line(title, text.trim_end());
+    }
+    for (index, note) in header.notes.iter().enumerate() {
+        page.line(if index == 0 { "notes" } else { "" }, note);
+    }
+    page.0
+}
+
+fn extent(page: &mut Page, min: [f64; 3], max: [f64; 3], scale: [f64; 3]) {
+    page.line("from", coordinates(min, scale));
+    page.line("to", coordinates(max, scale));
+    let size: [f64; 3] = std::array::from_fn(|axis| max[axis] - min[axis]);
+    page.line("extent", coordinates(size, scale));
+}
+
+/// Coordinates with as many decimals as their unit has.
+fn coordinates(values: [f64; 3], scale: [f64; 3]) -> String {
+    let text = |axis: usize| {
+        let decimals = (-scale[axis].abs().log10()).ceil().clamp(0.0, 12.0);
+        format!("{:.*}", if decimals.is_finite() { decimals as usize } else { 3 }, values[axis])
+    };
+    format!("{} {} {}", text(0), text(1), text(2))
+}
+
+fn join(values: impl AsRef<[f64]>) -> String {
+    values.as_ref().iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn or_none(text: &str) -> &str {
+    if text.is_empty() { "-" } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_have_the_decimals_of_their_unit() {
+        assert_eq!(coordinates([1.23456, 2.0, 3.5], [0.01, 1e-7, 1.0]), "1.23 2.0000000 4");
+        assert_eq!(coordinates([1.0; 3], [f64::NAN; 3]), "1.000 1.000 1.000");
+    }
 }

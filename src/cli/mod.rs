@@ -3,6 +3,7 @@
 mod config;
 mod convert;
 mod info;
+mod jobs;
 mod progress;
 mod serve;
 mod synth;
@@ -49,6 +50,7 @@ enum Command {
     Info(info::Arguments),
     Serve(serve::Arguments),
     Config(config::Arguments),
+    Jobs(jobs::Arguments),
     Synth(synth::Arguments),
 }
 
@@ -62,6 +64,7 @@ pub fn run() -> ExitCode {
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Config(arguments) => config::run(arguments),
+        Command::Jobs(arguments) => jobs::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
     };
     ExitCode::from(exit as u8)
@@ -103,7 +106,7 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
     let number: f64 =
         digits.trim().parse().map_err(|_| format!("{text:?} is no amount of memory, such as 512M"))?;
     let bytes = number * factor as f64;
-    if !(bytes >= 1.0 && bytes < 9e18) {
+    if !(1.0..9e18).contains(&bytes) {
         return Err(format!("{text:?} is no sensible amount of memory"));
     }
     Ok(bytes as u64)

@@ -1,11 +1,60 @@
 //! `lodestone verify`.
 
+use std::path::PathBuf;
+use std::time::Instant;
+
 use super::Exit;
+use crate::stage::machine;
+use crate::verify::{self, Request, Spacing};
 
-/// Check an octree, alone or against its inputs.
+/// Check an octree, alone or against the files that it was made of
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// The octree's folder
+    octree: PathBuf,
+    /// Hold it against these LAS or LAZ files, folders that hold some, or @LIST: the same points
+    /// with the same attributes, to the last bit
+    #[arg(long, num_args = 1.., value_name = "INPUT")]
+    against: Vec<PathBuf>,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+    /// Whether the rule of sampling is a must: for Lodestone's own octrees, for any, or only told
+    #[arg(long, default_value = "auto", value_name = "WHEN")]
+    spacing: Spacing,
+    /// Threads to work with; all that the machine or container grants if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Memory to work with, as in 512M or 16G; a quarter of what there is if not given
+    #[arg(long, value_name = "BYTES", value_parser = super::parse_bytes)]
+    memory_limit: Option<u64>,
+}
 
-pub fn run(_arguments: Arguments) -> Exit {
-    Exit::Failed
+pub fn run(arguments: Arguments) -> Exit {
+    let threads = arguments.threads.map_or_else(machine::threads, usize::from);
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool,
+        Err(error) => return super::failed(&error),
+    };
+    let request = Request {
+        octree: arguments.octree,
+        against: arguments.against,
+        memory_limit: arguments.memory_limit.unwrap_or_else(machine::default_memory_limit),
+        spacing: arguments.spacing,
+    };
+    let started = Instant::now();
+    let mut report = match pool.install(|| verify::verify(&request)) {
+        Ok(report) => report,
+        Err(error) => return super::failed(&error),
+    };
+    report.seconds = started.elapsed().as_secs_f64();
+    if arguments.json {
+        match serde_json::to_string_pretty(&report) {
+            Ok(json) => println!("{json}"),
+            Err(error) => return super::failed(&error),
+        }
+    } else {
+        println!("{report}");
+    }
+    if report.ok { Exit::Done } else { Exit::Failed }
 }

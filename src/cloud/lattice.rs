@@ -175,12 +175,20 @@ impl AxisChoice {
         }
     }
 
-    /// Units that bring the box's corner to 0, or its middle where it is too
-    /// long for that.
+    /// Units that bring the box's corner to [`CLEAR`], or its middle to 0 where
+    /// it is too long for that.
     fn corner_shift(&self) -> i64 {
-        if self.high - self.low <= i64::from(i32::MAX) { self.low } else { self.low - i64::from(i32::MIN) }
+        match self.high - self.low <= i64::from(i32::MAX) - CLEAR {
+            true => self.low - CLEAR,
+            false => self.low - i64::from(i32::MIN),
+        }
     }
 }
+
+/// From here up to 2^26 a coordinate, on any one axis, makes viewers' decoders
+/// read the whole position; below, at a corner of 0, they would still lose the
+/// high bits that the other axes of a wide cloud have.
+const CLEAR: i64 = 1 << 11;
 
 fn choose_axis(sources: &[SourceGrid], axis: usize) -> AxisChoice {
     let mut scales: Vec<f64> = sources.iter().map(|s| s.scale[axis].abs()).collect();
@@ -312,9 +320,10 @@ mod tests {
     #[test]
     fn what_viewers_would_misread_moves_to_the_corner() {
         let (lattice, to) = choose(&[source(0.01, 0.0, 1 << 27, (1 << 27) + 9)], |low, _| low[0] >= 1 << 27);
-        assert_eq!(lattice.min, [0; 3]);
-        assert_eq!(to[0].stored([(1 << 27) + 3; 3]), [3; 3]);
-        assert!((lattice.world(0, 3) - f64::from((1 << 27) + 3) * 0.01).abs() < 1e-9);
+        let clear = CLEAR as i32;
+        assert_eq!(lattice.min, [clear; 3]);
+        assert_eq!(to[0].stored([(1 << 27) + 3; 3]), [clear + 3; 3]);
+        assert!((lattice.world(0, CLEAR + 3) - f64::from((1 << 27) + 3) * 0.01).abs() < 1e-9);
     }
 
     proptest! {

@@ -66,54 +66,65 @@ impl Plan {
 
 /// Sums of a grid's counts for all levels above it, within its box.
 struct Pyramid {
-    /// From the grid's own level upward: (origin, dims, sums).
-    floors: Vec<(u32, [u32; 3], [u32; 3], Vec<u64>)>,
+    /// From the grid's own level upward.
+    floors: Vec<Floor>,
+}
+
+/// One level of a pyramid: its box of cells, and the points in each.
+struct Floor {
+    level: u32,
+    origin: [u32; 3],
+    dims: [u32; 3],
+    sums: Vec<u64>,
+}
+
+impl Floor {
+    /// The floor above: eight cells become one.
+    fn halved(&self) -> Floor {
+        let origin = self.origin.map(|c| c >> 1);
+        let dims: [u32; 3] =
+            std::array::from_fn(|a| ((self.origin[a] + self.dims[a] - 1) >> 1) - origin[a] + 1);
+        let mut sums = vec![0u64; dims.iter().map(|d| *d as usize).product()];
+        let mut cell = 0;
+        for z in 0..self.dims[2] {
+            for y in 0..self.dims[1] {
+                for x in 0..self.dims[0] {
+                    let c = std::array::from_fn(|a| ((self.origin[a] + [x, y, z][a]) >> 1) - origin[a]);
+                    sums[flat(c, dims)] += self.sums[cell];
+                    cell += 1;
+                }
+            }
+        }
+        Floor { level: self.level - 1, origin, dims, sums }
+    }
 }
 
 impl Pyramid {
     fn new(grid: &Grid) -> Pyramid {
         let cells = grid.dims.iter().map(|d| *d as usize).product();
-        let base: Vec<u64> = (0..cells).map(|c| grid.count(c)).collect();
-        let mut floors = vec![(grid.level, grid.origin, grid.dims, base)];
-        loop {
-            let (level, origin, dims, sums) = &floors[floors.len() - 1];
-            if *level == 0 || dims.iter().all(|d| *d == 1) {
-                break;
-            }
-            let up_origin = origin.map(|c| c >> 1);
-            let up_dims: [u32; 3] =
-                std::array::from_fn(|a| ((origin[a] + dims[a] - 1) >> 1) - up_origin[a] + 1);
-            let mut up = vec![0u64; up_dims.iter().map(|d| *d as usize).product()];
-            let mut cell = 0;
-            for z in 0..dims[2] {
-                for y in 0..dims[1] {
-                    for x in 0..dims[0] {
-                        let c: [u32; 3] =
-                            std::array::from_fn(|a| ((origin[a] + [x, y, z][a]) >> 1) - up_origin[a]);
-                        up[flat(c, up_dims)] += sums[cell];
-                        cell += 1;
-                    }
-                }
-            }
-            let level = level - 1;
-            floors.push((level, up_origin, up_dims, up));
+        let sums = (0..cells).map(|c| grid.count(c)).collect();
+        let mut floor = Floor { level: grid.level, origin: grid.origin, dims: grid.dims, sums };
+        let mut floors = Vec::new();
+        while floor.level > 0 && floor.dims != [1; 3] {
+            let above = floor.halved();
+            floors.push(std::mem::replace(&mut floor, above));
         }
+        floors.push(floor);
         Pyramid { floors }
     }
 
     /// Points within a node at or above the grid's level; `None` below it.
     fn points(&self, node: NodeKey) -> Option<u64> {
-        let (grid_level, ..) = self.floors[0];
-        let floor = grid_level.checked_sub(u32::from(node.level))? as usize;
-        let Some((_, origin, dims, sums)) = self.floors.get(floor) else {
+        let up = self.floors[0].level.checked_sub(u32::from(node.level))? as usize;
+        let Some(floor) = self.floors.get(up) else {
             // Above the top of the pyramid there is one cell left, in one node.
-            let (level, origin, _, sums) = &self.floors[self.floors.len() - 1];
-            let up = level - u32::from(node.level);
-            return Some(if origin.map(|c| c >> up) == node.at { sums[0] } else { 0 });
+            let top = &self.floors[self.floors.len() - 1];
+            let up = top.level - u32::from(node.level);
+            return Some(if top.origin.map(|c| c >> up) == node.at { top.sums[0] } else { 0 });
         };
-        let c: [u32; 3] = std::array::from_fn(|a| node.at[a].wrapping_sub(origin[a]));
-        let inside = (0..3).all(|a| c[a] < dims[a]);
-        Some(if inside { sums[flat(c, *dims)] } else { 0 })
+        let c: [u32; 3] = std::array::from_fn(|a| node.at[a].wrapping_sub(floor.origin[a]));
+        let inside = (0..3).all(|a| c[a] < floor.dims[a]);
+        Some(if inside { floor.sums[flat(c, floor.dims)] } else { 0 })
     }
 }
 

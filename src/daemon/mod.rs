@@ -3,7 +3,7 @@
 //! is made here.
 
 mod house;
-mod signals;
+pub mod signals;
 mod watching;
 mod working;
 

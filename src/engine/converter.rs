@@ -23,6 +23,7 @@ pub struct Report {
     pub points_out: u64,
     pub points_set_aside: u64,
     pub output_bytes: u64,
+    pub seconds_by_stage: Vec<(&'static str, f64)>,
     /// All of the conversion's report, for the job's record.
     pub json: serde_json::Value,
 }
@@ -64,6 +65,7 @@ impl Converter for Conduct {
             points_out: outcome.points_out,
             points_set_aside: outcome.points_set_aside,
             output_bytes: outcome.output_bytes,
+            seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (*stage, *s)).collect(),
             json: serde_json::to_value(&outcome).unwrap_or_default(),
         })
     }

@@ -7,6 +7,7 @@
 
 pub mod conduct;
 pub mod converter;
+mod ending;
 pub mod intake;
 pub mod janitor;
 mod preflight;
@@ -23,13 +24,14 @@ use crate::clock::{Clock, Millis};
 use crate::config::Config;
 use crate::disk::Disk;
 use crate::job::verdict::End;
-use crate::job::{Event, Job, JobId, Wish};
+use crate::job::{Job, JobId, Wish};
 use crate::metrics::Metrics;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::Options;
 use crate::store::board::Board;
 use crate::store::{Ending, Recovered, Result, Store};
-use converter::{Converter, Failure, Report, Work};
+use converter::{Converter, Work};
+use ending::wish_end;
 use preflight::Lane;
 use worker::Finished;
 
@@ -124,7 +126,10 @@ impl Engine {
         let id = job.id;
         let end = match publish::publish(&self.tools, &job, job.staged.unwrap_or(0)).await {
             Ok(()) => Ending { end: End::Published, error: None },
-            Err(failure) => Ending { end: End::Crashed, error: Some(failure.message) },
+            Err(failure) => {
+                let end = if failure.may_pass { End::Passing } else { End::Crashed };
+                Ending { end, error: Some(failure.message) }
+            }
         };
         tracing::info!(job = id, name = job.name, "was converted before the daemon died; publishing it");
         self.tools
@@ -173,83 +178,6 @@ impl Engine {
         Ok(ended)
     }
 
-    /// Records one ended run; may be called again for the same one.
-    async fn record(&self, finished: &Finished) -> Result<()> {
-        let Some(running) = self.running.get(&finished.job) else { return Ok(()) };
-        let ending = match &finished.result {
-            Ok(report) => self.settle_success(running, report).await?,
-            Err(failure) => failing(running, failure),
-        };
-        let now = self.tools.clock.now();
-        let verdict = self
-            .tools
-            .store
-            .finish(finished.job, &self.owner, &ending, &self.tools.config.policy, now)
-            .await?;
-        let Some(verdict) = verdict else {
-            tracing::warn!(job = finished.job, "its lease was lost; the result is thrown away");
-            return Ok(());
-        };
-        self.tell(running, verdict.event, &ending, finished, now);
-        Ok(())
-    }
-
-    /// The conversion succeeded: publish, unless an operator or the source
-    /// thought better of it meanwhile.
-    async fn settle_success(&self, running: &Running, report: &Report) -> Result<Ending> {
-        if let Some(Stop::Wish(wish)) = running.stop {
-            return Ok(Ending { end: wish_end(wish), error: None });
-        }
-        let inputs = self.tools.store.inputs(running.job.id).await?;
-        if let Some(changed) = preflight::changed(&inputs) {
-            let error =
-                format!("{} changed while it was converted; waiting until it is quiet", changed.display());
-            return Ok(Ending { end: End::Passing, error: Some(error) });
-        }
-        let staged = match publish::inode(&publish::staging(&self.tools.config, running.job.id)) {
-            Ok(inode) => inode,
-            // Published by this call's forerunner, which could not record it.
-            Err(_) => self.tools.store.job(running.job.id).await?.staged.unwrap_or(0),
-        };
-        let now = self.tools.clock.now();
-        let result = report.json.to_string();
-        if staged != 0 && !self.tools.store.stage(running.job.id, &self.owner, staged, &result, now).await? {
-            return Ok(Ending { end: End::Passing, error: Some("its lease was lost".to_string()) });
-        }
-        Ok(match publish::publish(&self.tools, &running.job, staged).await {
-            Ok(()) => Ending { end: End::Published, error: None },
-            Err(failure) => failing(running, &failure),
-        })
-    }
-
-    /// Logs and counts the end of a run.
-    fn tell(&self, running: &Running, event: Event, ending: &Ending, finished: &Finished, now: Millis) {
-        let (job, name) = (running.job.id, running.job.name.as_str());
-        let error = ending.error.as_deref().unwrap_or("");
-        match event {
-            Event::Succeed => tracing::info!(job, name, points = running.job.points, "published"),
-            Event::Park => tracing::info!(job, name, "parked; it goes on at the next start"),
-            Event::Postpone => tracing::warn!(job, name, error, "did not succeed, is tried again"),
-            Event::Fail | Event::Quarantine => tracing::error!(job, name, error, "{}", event.name()),
-            _ => tracing::info!(job, name, "{}", event.name()),
-        }
-        let metrics = &self.tools.metrics;
-        let result = crate::job::machine::next(crate::job::State::Running, event).map_or("", |s| s.name());
-        metrics
-            .jobs_finished
-            .with_label_values(&[if event == Event::Postpone { "postponed" } else { result }])
-            .inc();
-        if let (Event::Succeed, Ok(report)) = (event, &finished.result) {
-            metrics.points_read.inc_by(report.points_in);
-            metrics.points_written.inc_by(report.points_out);
-            metrics.points_set_aside.inc_by(report.points_set_aside);
-            metrics.input_bytes.inc_by(running.job.bytes);
-            metrics.output_bytes.inc_by(report.output_bytes);
-            let started = running.job.started_at.unwrap_or(now);
-            metrics.job_seconds.observe((now - started).max(0) as f64 / 1000.0);
-        }
-    }
-
     /// Step 2.
     async fn pass_on_wishes(&mut self) -> Result<()> {
         for (job, wish) in self.tools.store.wishes().await? {
@@ -268,10 +196,6 @@ impl Engine {
     async fn look_at_progress(&mut self) -> Result<()> {
         let now = self.tools.clock.now();
         for look in self.tools.board.look(now) {
-            if let Some((stage, millis)) = look.ended {
-                let seconds = millis.max(0) as f64 / 1000.0;
-                self.tools.metrics.stage_seconds.with_label_values(&[stage.name()]).observe(seconds);
-            }
             let Some(running) = self.running.get_mut(&look.job) else { continue };
             if look.moved_at > running.beat_at {
                 self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
@@ -399,24 +323,5 @@ impl Engine {
                 }
             }
         }
-    }
-}
-
-fn wish_end(wish: Wish) -> End {
-    match wish {
-        Wish::Cancel => End::Cancelled,
-        Wish::Pause => End::Paused,
-    }
-}
-
-/// How a run that failed is judged: what we stopped ourselves is no failure.
-fn failing(running: &Running, failure: &Failure) -> Ending {
-    let error = Some(failure.message.clone());
-    match running.stop {
-        Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
-        Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
-        None if failure.panicked => Ending { end: End::Panicked, error },
-        None if failure.may_pass => Ending { end: End::Passing, error },
-        None => Ending { end: End::Hopeless, error },
     }
 }

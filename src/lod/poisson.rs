@@ -24,6 +24,20 @@ const AXIS: usize = (1 << SPACING_BITS) + 2;
 /// Bytes of one row of occupancy bits, with room to read four from any bit.
 const ROW: usize = AXIS.div_ceil(8) + 4;
 const SHELLS: usize = 2048;
+/// The middle bit of a neighbourhood's 27.
+const OWN_CELL: u32 = 1 << 13;
+/// From a cell to the neighbour of each bit, in the table of heads.
+const STEPS: [isize; 27] = {
+    let mut steps = [0; 27];
+    let axis = AXIS as isize;
+    let mut bit = 0;
+    while bit < 27 {
+        let (dx, dy, dz) = (bit % 3 - 1, bit / 3 % 3 - 1, bit / 9 - 1);
+        steps[bit as usize] = (dz * axis + dy) * axis + dx;
+        bit += 1;
+    }
+    steps
+};
 const END: u32 = u32::MAX;
 
 /// Coordinates within the node, from -spacing to side + spacing.
@@ -96,19 +110,33 @@ impl PoissonDisk {
     fn is_free(&self, at: Local, spacing: Spacing) -> bool {
         let [x, y, z] = spacing.cell(at);
         let mut mask = self.neighbourhood(x, y, z);
+        // Most candidates are refused, and most of those by a sample in their
+        // own cell: look there first.
+        let own = (z * AXIS + y) * AXIS + x;
+        if mask & OWN_CELL != 0 && !self.cell_is_free(own, at, spacing) {
+            return false;
+        }
+        mask &= !OWN_CELL;
         while mask != 0 {
-            let bit = mask.trailing_zeros() as usize;
+            let step = STEPS[mask.trailing_zeros() as usize];
             mask &= mask - 1;
-            let (dx, dy, dz) = (bit % 3, bit / 3 % 3, bit / 9);
-            let cell = ((z + dz - 1) * AXIS + y + dy - 1) * AXIS + x + dx - 1;
-            let mut sample = self.heads[cell];
-            while sample != END {
-                let other = self.samples[sample as usize];
-                if squared_distance(at, other.at) < spacing.squared {
-                    return false;
-                }
-                sample = other.next;
+            if !self.cell_is_free(own.wrapping_add_signed(step), at, spacing) {
+                return false;
             }
+        }
+        true
+    }
+
+    /// Whether a point keeps the spacing from the samples of an occupied cell.
+    #[inline]
+    fn cell_is_free(&self, cell: usize, at: Local, spacing: Spacing) -> bool {
+        let mut sample = self.heads[cell];
+        while sample != END {
+            let other = self.samples[sample as usize];
+            if squared_distance(at, other.at) < spacing.squared {
+                return false;
+            }
+            sample = other.next;
         }
         true
     }

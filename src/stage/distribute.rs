@@ -43,6 +43,9 @@ pub struct Runs {
     pub scratch: Option<Arc<DiskFile>>,
 }
 
+/// A run once it is made, with the points it holds of each chunk.
+type Made = Mutex<Option<(Run, Vec<u32>)>>;
+
 /// The scratch file's name in the job's scratch folder.
 const RUNS_FILE: &str = "runs.bin";
 
@@ -51,7 +54,7 @@ pub fn distribute(survey: &Survey, context: &Context) -> Result<Runs> {
     context.progress.begin(Stage::Distribute, survey.points);
     let scratch = if survey.in_core { None } else { Some(Arc::new(create_scratch(survey, context)?)) };
     let starts = run_starts(survey);
-    let made: Vec<Mutex<Option<(Run, Vec<u32>)>>> = survey.units.iter().map(|_| Mutex::new(None)).collect();
+    let made: Vec<Made> = survey.units.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
         survey.units.len(),
@@ -116,11 +119,7 @@ fn create_scratch(survey: &Survey, context: &Context) -> Result<DiskFile> {
 }
 
 /// Turns per-run counts into per-chunk parts.
-fn collect(
-    survey: &Survey,
-    made: Vec<Mutex<Option<(Run, Vec<u32>)>>>,
-    scratch: Option<Arc<DiskFile>>,
-) -> Result<Runs> {
+fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<DiskFile>>) -> Result<Runs> {
     let mut parts: Vec<Vec<Part>> = vec![Vec::new(); survey.plan.chunks.len()];
     let mut runs = Vec::with_capacity(made.len());
     for slot in made {
@@ -184,7 +183,7 @@ impl Bucketer {
         self.run.resize(records.len(), 0);
         for (r, chunk) in records.chunks_exact(length).zip(&self.chunks) {
             let to = &mut next[*chunk as usize];
-            self.run[*to..*to + length].copy_from_slice(r);
+            record::copy_record(r, &mut self.run[*to..*to + length]);
             *to += length;
         }
         Ok(counts)

@@ -125,7 +125,8 @@ impl<'o> Indexer<'o> {
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
         let writer = builder.emit;
         let mut records = Vec::new();
-        writer.records.gather(&mut root.items.iter().map(|i| i.index), &mut records);
+        let rising = root.items.iter().map(|i| i.index);
+        writer.records.gather(rising, root.items.len(), &mut records);
         if writer.points + root.items.len() as u64 != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }

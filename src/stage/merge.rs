@@ -1,7 +1,11 @@
 //! Merge: the levels above the chunks, sampled from the chunks' roots in the
 //! same way and written behind them ("Fast Out-of-Core Octree Generation", 4.3).
+//!
+//! The subtrees below the nodes of one fixed level are merged side by side, then
+//! what is above them; the cut is fixed, so that the threads decide nothing.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Mutex;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
@@ -10,11 +14,16 @@ use super::nodes::{NodeWriter, PlainRecords};
 use super::options::Options;
 use super::output::OctreeFile;
 use super::survey::Survey;
+use super::workers;
 use crate::cloud::node::NodeKey;
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
 use crate::lod::tree::{Emit, frame, move_taken};
+
+/// Level whose nodes' subtrees are merged side by side: up to 64, of which a
+/// flat country fills 16.
+const CUT: u8 = 2;
 
 /// Samples and writes everything above the chunks, and the chunks' roots.
 /// Returns the statistics and number of all points.
@@ -28,47 +37,95 @@ pub fn merge(
     let size = survey.unified.schema.record_size();
     let rising_points: usize = indexed.rising.iter().map(|r| r.records.len() / size).sum();
     context.progress.begin(Stage::Merge, rising_points as u64);
+    let above = ancestors(&indexed.rising);
+    let mut next_block = indexed.rising.len();
+    let (mut statistics, mut points) = (indexed.statistics, indexed.points);
+
+    let (subtrees, mut top) = cut(indexed.rising);
+    let merged: Vec<Mutex<Option<Merged>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
+    workers::in_order(
+        context.threads,
+        subtrees.len(),
+        &context.cancel,
+        || (),
+        |(), i| {
+            let (node, roots) = &subtrees[i];
+            let roots = std::mem::take(&mut *roots.lock().unwrap_or_else(|e| e.into_inner()));
+            let mut merger = Merger::new(survey, options, context, &above, roots);
+            let merge =
+                merger.grow(*node).and_then(|root| Ok((root, merger.finish(octree, next_block + i)?)));
+            let (root, counted) = merge.inspect_err(|_| octree.fail())?;
+            let merged_subtree = root.map(|root| Merged { root: root.rising, counted });
+            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = merged_subtree;
+            Ok(())
+        },
+    )?;
+    next_block += subtrees.len();
+    for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
+        statistics.merge(&subtree.counted.0);
+        points += subtree.counted.1;
+        top.insert(subtree.root.node, subtree.root);
+    }
+
+    let mut merger = Merger::new(survey, options, context, &above, top);
+    let root = merger.grow(NodeKey::ROOT)?;
+    let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
+    merger.write(vec![root])?;
+    let counted = merger.finish(octree, next_block)?;
+    statistics.merge(&counted.0);
+    Ok((statistics, points + counted.1))
+}
+
+/// Nodes that have chunks below them.
+fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
     let mut above = HashSet::new();
-    for rising in &indexed.rising {
+    for rising in rising {
         let mut node = rising.node;
-        while let Some(parent) = node.parent() {
-            above.insert(parent);
+        while let Some(parent) = node.parent()
+            && above.insert(parent)
+        {
             node = parent;
         }
     }
-    let next_block = indexed.rising.len();
-    let mut merger = Merger {
-        survey,
-        options,
-        context,
-        octree,
-        sampler: index::sampler(options.sampling),
-        roots: indexed.rising.into_iter().map(|r| (r.node, r)).collect(),
-        above,
-        next_block,
-        statistics: indexed.statistics,
-        points: indexed.points,
-        taken: Vec::new(),
-    };
-    let root = merger
-        .grow(NodeKey::ROOT)?
-        .ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
-    merger.write(vec![root])?;
-    Ok((merger.statistics, merger.points))
+    above
+}
+
+type Roots = HashMap<NodeKey, Rising>;
+
+/// Chunks below the cut by the subtree they are in, in the order of the plan,
+/// and those at or above it.
+fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
+    let mut subtrees: Vec<(NodeKey, Roots)> = Vec::new();
+    let mut top = HashMap::new();
+    for rising in rising {
+        let Some(up) = rising.node.level.checked_sub(CUT).filter(|up| *up > 0) else {
+            top.insert(rising.node, rising);
+            continue;
+        };
+        let node = NodeKey { level: CUT, at: rising.node.at.map(|c| c >> up) };
+        if subtrees.last().is_none_or(|(last, _)| *last != node) {
+            subtrees.push((node, HashMap::new()));
+        }
+        if let Some((_, roots)) = subtrees.last_mut() {
+            roots.insert(rising.node, rising);
+        }
+    }
+    (subtrees.into_iter().map(|(node, roots)| (node, Mutex::new(roots))).collect(), top)
+}
+
+/// A merged subtree: its root, and what was counted in the nodes written.
+struct Merged {
+    root: Rising,
+    counted: (Statistics, u64),
 }
 
 struct Merger<'a> {
     survey: &'a Survey,
-    options: &'a Options,
     context: &'a Context,
-    octree: &'a OctreeFile,
+    above: &'a HashSet<NodeKey>,
     sampler: Box<dyn Sampler>,
-    roots: HashMap<NodeKey, Rising>,
-    /// Nodes that have chunks below them.
-    above: HashSet<NodeKey>,
-    next_block: usize,
-    statistics: Statistics,
-    points: u64,
+    roots: Roots,
+    writer: NodeWriter<'a, PlainRecords>,
     taken: Vec<bool>,
 }
 
@@ -78,7 +135,27 @@ struct Grown {
     items: Vec<Item>,
 }
 
-impl Merger<'_> {
+impl<'a> Merger<'a> {
+    fn new(
+        survey: &'a Survey,
+        options: &Options,
+        context: &'a Context,
+        above: &'a HashSet<NodeKey>,
+        roots: Roots,
+    ) -> Merger<'a> {
+        let size = survey.unified.schema.record_size();
+        let records = PlainRecords { bytes: Vec::new(), size };
+        Merger {
+            survey,
+            context,
+            above,
+            sampler: index::sampler(options.sampling),
+            roots,
+            writer: NodeWriter::new(survey, options.encoding, records),
+            taken: Vec::new(),
+        }
+    }
+
     fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
@@ -109,37 +186,37 @@ impl Merger<'_> {
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
+        let mut items = Vec::new();
         let mut flags = self.taken.iter();
-        let mut accepted = Vec::new();
         for child in &mut children {
-            accepted.clear();
-            let kept = move_taken(&mut child.items, &mut flags, &mut accepted);
+            let first = items.len();
+            let kept = move_taken(&mut child.items, &mut flags, &mut items);
             child.items.truncate(kept);
-            for item in &accepted {
+            for (item, index) in items[first..].iter_mut().zip(first as u32..) {
                 records.extend_from_slice(&child.rising.records[item.index as usize * size..][..size]);
+                item.index = index;
             }
         }
         children.retain(|c| !c.items.is_empty() || c.rising.has_children);
         let has_children = !children.is_empty();
         self.write(children)?;
-        let items = self.items(&records);
         Ok(Grown { rising: Rising { node, records, has_children }, items })
     }
 
     /// Writes nodes that are final.
     fn write(&mut self, nodes: Vec<Grown>) -> Result<()> {
-        let size = self.survey.unified.schema.record_size();
         for grown in nodes {
-            let records = PlainRecords { bytes: &grown.rising.records, size };
-            let mut writer = NodeWriter::new(self.survey, self.options.encoding, records);
             let node = grown.rising.node;
-            writer.node(node, frame(self.survey.cube.bits, node), &grown.items)?;
-            self.statistics.merge(&writer.statistics);
-            self.points += writer.points;
-            self.context.progress.advance(writer.points);
-            self.octree.submit(self.next_block, writer.block)?;
-            self.next_block += 1;
+            self.writer.records.bytes = grown.rising.records;
+            self.writer.node(node, frame(self.survey.cube.bits, node), &grown.items)?;
+            self.context.progress.advance(grown.items.len() as u64);
         }
         Ok(())
+    }
+
+    /// Hands in what was written, as the block of a number.
+    fn finish(self, octree: &OctreeFile, block: usize) -> Result<(Statistics, u64)> {
+        octree.submit(block, self.writer.block)?;
+        Ok((self.writer.statistics, self.writer.points))
     }
 }

@@ -21,8 +21,8 @@ const BROTLI_QUALITY: u32 = 4;
 
 /// Gives octree records (schema layout) for items.
 pub trait Records {
-    /// Appends the records of the given item indices to `out`.
-    fn gather(&self, indices: &mut dyn Iterator<Item = u32>, out: &mut Vec<u8>);
+    /// Appends the records of `count` item indices to `out`.
+    fn gather(&self, indices: impl Iterator<Item = u32>, count: usize, out: &mut Vec<u8>);
 }
 
 /// Turns nodes into a block of octree.bin.
@@ -76,9 +76,8 @@ impl<R: Records> Emit for NodeWriter<'_, R> {
 
     fn node(&mut self, node: NodeKey, frame: Frame, items: &[Item]) -> Result<(), StageError> {
         self.plain.clear();
-        let mut order = self.orderer.coarse_to_fine(frame, items);
-        self.records.gather(&mut order, &mut self.plain);
-        drop(order);
+        let order = self.orderer.coarse_to_fine(frame, items);
+        self.records.gather(order, items.len(), &mut self.plain);
         self.encode(node, items.len())
     }
 }
@@ -146,16 +145,15 @@ impl<'a> RawPoints<'a> {
 }
 
 impl Records for RawPoints<'_> {
-    fn gather(&self, indices: &mut dyn Iterator<Item = u32>, out: &mut Vec<u8>) {
+    fn gather(&self, indices: impl Iterator<Item = u32>, count: usize, out: &mut Vec<u8>) {
         let size = self.survey.unified.schema.record_size();
-        for index in indices {
+        let start = out.len();
+        out.resize(start + count * size, 0);
+        for (record, index) in out[start..].chunks_exact_mut(size).zip(indices) {
             let part = self.part_of(index);
             let input = &self.survey.inputs[part.input];
             let length = input.source.record_length;
             let raw = &part.bytes[(index - part.first) as usize * length..][..length];
-            let start = out.len();
-            out.resize(start + size, 0);
-            let record = &mut out[start..];
             record::put_position(record, input.requantise.stored(record::raw_position(raw)));
             self.survey.unified.mover(part.input).apply(raw, record);
         }
@@ -163,13 +161,14 @@ impl Records for RawPoints<'_> {
 }
 
 /// Records that are in the octree's layout already.
-pub struct PlainRecords<'a> {
-    pub bytes: &'a [u8],
+pub struct PlainRecords {
+    pub bytes: Vec<u8>,
+    /// Bytes a record.
     pub size: usize,
 }
 
-impl Records for PlainRecords<'_> {
-    fn gather(&self, indices: &mut dyn Iterator<Item = u32>, out: &mut Vec<u8>) {
+impl Records for PlainRecords {
+    fn gather(&self, indices: impl Iterator<Item = u32>, _count: usize, out: &mut Vec<u8>) {
         for index in indices {
             out.extend_from_slice(&self.bytes[index as usize * self.size..][..self.size]);
         }

@@ -51,8 +51,7 @@ impl Board {
         self.with(|entries| entries.remove(&job));
     }
 
-    /// Looks at every job; returns when each last moved, and the stages that
-    /// ended since the last look with their milliseconds.
+    /// Looks at every job; returns when each last moved.
     pub fn look(&self, now: Millis) -> Vec<Look> {
         self.with(|entries| entries.iter_mut().map(|(job, entry)| entry.look(*job, now)).collect())
     }
@@ -73,22 +72,18 @@ impl Board {
 pub struct Look {
     pub job: JobId,
     pub moved_at: Millis,
-    /// The stage that ended since the last look, and how long it took.
-    pub ended: Option<(Stage, Millis)>,
 }
 
 impl Entry {
     fn look(&mut self, job: JobId, now: Millis) -> Look {
         let snapshot = self.progress.snapshot();
-        let mut ended = None;
         if snapshot.stage != self.stage {
-            ended = Some((self.stage, now - self.since));
             (self.stage, self.since, self.first) = (snapshot.stage, now, 0);
         }
         if snapshot != self.last {
             (self.last, self.moved_at) = (snapshot, now);
         }
-        Look { job, moved_at: self.moved_at, ended }
+        Look { job, moved_at: self.moved_at }
     }
 
     fn reading(&self, now: Millis) -> Reading {
@@ -122,8 +117,7 @@ mod tests {
         let (board, progress) = (Board::default(), Arc::new(Progress::default()));
         board.hang_up(7, progress.clone(), 0);
         progress.begin(Stage::Index, 1000);
-        let looks = board.look(1000);
-        assert_eq!(looks[0].ended, Some((Stage::Queued, 1000)));
+        board.look(1000);
         progress.advance(250);
         let reading = board.read(7, 2000).expect("hung up");
         assert_eq!((reading.stage, reading.percent, reading.points_per_second), ("index", 25.0, 250.0));

@@ -48,7 +48,7 @@ pub enum StoreError {
     Query(#[from] sqlx::Error),
     #[error("there is no job {0} (`lodestone jobs list` shows all)")]
     NoSuchJob(JobId),
-    #[error("job {job} is {state}, so it cannot be {asked}")]
+    #[error("job {job} is {state}; an order to {asked} it means nothing now")]
     Illegal { job: JobId, state: &'static str, asked: &'static str },
     #[error(
         "the queue holds {what} `{value}` that this version does not know (was it written by a newer Lodestone?)"

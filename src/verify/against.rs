@@ -142,7 +142,7 @@ fn attributes(octree: &Octree, found: &Inputs, left_out: &[String]) -> Check {
     match left_out.len() {
         0 => Check::ok(
             "attributes",
-            format!("all {all} that the inputs have; what was left out is 0 throughout"),
+            format!("all {all}; fields of the files that are not among them are 0 throughout"),
         ),
         _ => Check::note("attributes", format!("{all}; left out on request: {}", left_out.join(", "))),
     }

@@ -1,7 +1,7 @@
 //! What a verification found: checks with an outcome each, as JSON for machines
 //! and as a page for people.
 
-use std::fmt::{self, Write};
+use std::fmt;
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -201,16 +201,15 @@ fn write_checks(f: &mut fmt::Formatter<'_>, checks: &[Check]) -> fmt::Result {
     Ok(())
 }
 
-/// A number with commas between its thousands.
+/// A number with its digits in groups of three.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
     for (index, digit) in digits.chars().enumerate() {
         if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
+            text.push(' ');
         }
-        // Writing to a string cannot fail.
-        let _ = text.write_char(digit);
+        text.push(digit);
     }
     text
 }
@@ -224,8 +223,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thousands_have_commas() {
-        assert_eq!([0, 999, 1000, 1234567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+    fn digits_stand_in_groups() {
+        assert_eq!([0, 999, 1000, 1234567].map(grouped), ["0", "999", "1 000", "1 234 567"]);
     }
 
     #[test]

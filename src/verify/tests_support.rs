@@ -61,6 +61,7 @@ pub fn schema() -> Schema {
 }
 
 /// An octree in the making: nodes with their records.
+#[derive(Clone)]
 pub struct Draft {
     pub schema: Schema,
     pub metadata: Metadata,

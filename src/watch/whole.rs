@@ -14,7 +14,7 @@ pub(super) fn judge(path: &Path) -> Wholeness {
     if let Some(verdict) = first_word(path) {
         return verdict;
     }
-    let file = match LasFile::open(path) {
+    let file = match LasFile::open_strictly(path) {
         Ok(file) => file,
         // Even a header that cannot be right may be the torso of one that can.
         Err(error) => return Wholeness::NotYet(error.to_string()),
@@ -23,6 +23,10 @@ pub(super) fn judge(path: &Path) -> Wholeness {
     if points == 0 {
         // Some programs write the count last.
         return Wholeness::NotYet(format!("{} counts no points (yet)", path.display()));
+    }
+    if !file.is_complete() {
+        let path = path.display();
+        return Wholeness::NotYet(format!("{path} holds points that its header does not count (yet)"));
     }
     if !file.header().compressed && ends_in_zeros(&file, points) {
         return Wholeness::NotYet(format!("{} ends in zeros", path.display()));

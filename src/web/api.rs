@@ -43,8 +43,8 @@ impl From<StoreError> for Refusal {
 pub(super) struct JobView {
     #[serde(flatten)]
     pub job: Job,
-    /// The stage it is in, or where it ended: `queued`, `survey` … `done`.
-    pub stage: &'static str,
+    /// The stage it is in, from `queued` to `done`; none where it ended early.
+    pub stage: Option<&'static str>,
     pub progress: Option<Reading>,
     /// Where its octree is served, once it is published.
     pub octree: Option<String>,
@@ -65,9 +65,9 @@ pub(super) fn view(shared: &Shared, job: Job) -> JobView {
         _ => None,
     };
     let stage = match (job.state, &progress) {
-        (State::Done, _) => "done",
-        (_, Some(reading)) => reading.stage,
-        _ => "queued",
+        (State::Done, _) => Some("done"),
+        (_, Some(reading)) => Some(reading.stage),
+        (state, None) => state.is_open().then_some("queued"),
     };
     let published = job.state == State::Done && job.superseded_by.is_none();
     let octree = published.then(|| super::octrees::url(&job.name));

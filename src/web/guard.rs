@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn pages_of_other_sites_are_foreign() {
         let host = (header::HOST, "127.0.0.1:7700");
-        assert!(!is_foreign(&headers(&[host.clone()])));
+        assert!(!is_foreign(&headers(std::slice::from_ref(&host))));
         assert!(!is_foreign(&headers(&[host.clone(), (header::ORIGIN, "http://127.0.0.1:7700")])));
         assert!(is_foreign(&headers(&[host.clone(), (header::ORIGIN, "https://evil.example")])));
         assert!(is_foreign(&headers(&[host, (header::ORIGIN, "null")])));

@@ -1,6 +1,6 @@
 //! What the integration tests share: small clouds, conversions with chosen
 //! means, and a look at everything an octree holds.
-#![allow(dead_code)] // each test file uses its part
+#![allow(dead_code, reason = "each test file uses its part")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

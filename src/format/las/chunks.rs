@@ -33,6 +33,26 @@ pub enum Layout {
     },
 }
 
+/// What was found out about the points of a LAZ file.
+#[derive(Debug)]
+pub struct Located {
+    pub layout: Layout,
+    /// Their true number.
+    pub points: u64,
+    /// Nothing that a finished file has is missing.
+    pub complete: bool,
+}
+
+impl Located {
+    fn complete(layout: Layout, points: u64) -> Located {
+        Located { layout, points, complete: true }
+    }
+
+    fn makeshift(layout: Layout, points: u64) -> Located {
+        Located { layout, points, complete: false }
+    }
+}
+
 /// What the LASzip record says of chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Chunking {
@@ -65,6 +85,9 @@ pub struct Locator<'a> {
     pub start: u64,
     pub end: u64,
     pub claims: Claims,
+    /// Only a chunk table that accounts for every byte will do: for files that
+    /// may still be on their way.
+    pub strict: bool,
 }
 
 /// No LAZ coder gets more points into a byte than this: even a point that
@@ -73,8 +96,7 @@ pub struct Locator<'a> {
 const MOST_POINTS_A_BYTE: u64 = 1 << 16;
 
 impl Locator<'_> {
-    /// The layout and the true number of points.
-    pub fn locate(&self, notes: &mut Vec<String>) -> Result<(Layout, u64), LasError> {
+    pub fn locate(&self, notes: &mut Vec<String>) -> Result<Located, LasError> {
         let path = self.source.path();
         let most = self.most();
         if self.claims.candidates().all(|count| count > most) && self.claims.largest() > 0 {
@@ -88,10 +110,11 @@ impl Locator<'_> {
         self.claims.note_disagreement(notes);
         let said = self.claims.candidates().find(|count| *count <= most).unwrap_or(0);
         if self.chunking == Chunking::Whole {
-            return Ok((Layout::Stream { start: self.start, end: self.end, chunk_points: None }, said));
+            let layout = Layout::Stream { start: self.start, end: self.end, chunk_points: None };
+            return Ok(Located::complete(layout, said));
         }
         if said == 0 && self.end < self.start + 8 {
-            return Ok((Layout::Chunks(Vec::new()), 0));
+            return Ok(Located::complete(Layout::Chunks(Vec::new()), 0));
         }
         let variable = self.chunking == Chunking::Variable;
         let table = chunk_table::read(self.source, self.start, variable, self.coding.record_length, notes)?;
@@ -102,8 +125,21 @@ impl Locator<'_> {
                 Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
-            Table::Beyond => return Err(self.cut(said)?),
+            Table::Beyond if self.strict => "it should lie behind the end of the file".to_string(),
+            Table::Beyond => {
+                let reason = "its chunk table should lie behind its end".to_string();
+                let readable = self.readable(said)?;
+                if readable < said {
+                    let path = path.to_path_buf();
+                    return Err(LasError::Cut { path, readable, points: said, reason });
+                }
+                reason
+            }
         };
+        if self.strict {
+            let place = "its chunk table".to_string();
+            return Err(LasError::Damaged { path: path.to_path_buf(), place, reason });
+        }
         self.without_table(said, &reason, notes)
     }
 
@@ -113,7 +149,7 @@ impl Locator<'_> {
     }
 
     /// Gives every chunk of the table its points.
-    fn with_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<(Layout, u64), Trouble> {
+    fn with_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<Located, Trouble> {
         let said = self.claims.said();
         if entries.is_empty() && said > 0 {
             return Err(Trouble::Table(format!("its chunk table is empty, its header says {said} points")));
@@ -144,12 +180,12 @@ impl Locator<'_> {
             )));
         }
         chunks.retain(|chunk| chunk.points > 0);
-        if !self.claims.candidates().any(|count| count == points) && points != said {
+        if !self.claims.are(points) {
             notes.push(format!(
                 "its header says {said} points, its chunks hold {points}; all of them are read"
             ));
         }
-        Ok((Layout::Chunks(chunks), points))
+        Ok(Located { layout: Layout::Chunks(chunks), points, complete: self.claims.are(points) })
     }
 
     /// In a file with chunks of one size, the last one is shorter and the table
@@ -184,12 +220,7 @@ impl Locator<'_> {
     }
 
     /// What can be done when the table is missing or wrong.
-    fn without_table(
-        &self,
-        said: u64,
-        reason: &str,
-        notes: &mut Vec<String>,
-    ) -> Result<(Layout, u64), LasError> {
+    fn without_table(&self, said: u64, reason: &str, notes: &mut Vec<String>) -> Result<Located, LasError> {
         let path = self.source.path();
         if self.coding.layered {
             // A header that counts none may be that of a writer that died.
@@ -204,14 +235,14 @@ impl Locator<'_> {
                 });
             }
             notes.push(format!("{reason}; its chunks were found one by one"));
-            return Ok((Layout::Chunks(chunks), points));
+            return Ok(Located::makeshift(Layout::Chunks(chunks), points));
         }
         match self.chunking {
             Chunking::Fixed(each) => {
                 notes.push(format!("{reason}; it can only be read from front to back"));
                 let layout =
                     Layout::Stream { start: self.start + 8, end: self.end, chunk_points: Some(each) };
-                Ok((layout, said))
+                Ok(Located::makeshift(layout, said))
             }
             _ => Err(LasError::Damaged {
                 path: path.to_path_buf(),
@@ -243,19 +274,13 @@ impl Locator<'_> {
         Ok(chunks)
     }
 
-    /// The file ends before its chunk table. How many points are in front of
-    /// that is counted, if it does not take long.
-    fn cut(&self, said: u64) -> Result<LasError, LasError> {
-        let readable = if self.coding.layered {
-            self.walk(said)?.last().map_or(0, |chunk| chunk.first + chunk.points)
-        } else {
-            stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said)
-        };
-        Ok(LasError::Cut {
-            path: self.source.path().to_path_buf(),
-            readable,
-            points: said,
-            reason: "its chunk table should lie behind its end".to_string(),
-        })
+    /// How many points are in a file that ends before its chunk table, as far as
+    /// counting them does not take long.
+    fn readable(&self, said: u64) -> Result<u64, LasError> {
+        if self.coding.layered {
+            let chunks = self.walk(said)?;
+            return Ok(chunks.last().map_or(0, |chunk| chunk.first + chunk.points));
+        }
+        Ok(stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said))
     }
 }

@@ -40,6 +40,11 @@ impl Claims {
         self.candidates().max().unwrap_or(0)
     }
 
+    /// Whether one of the counts is this.
+    pub fn are(self, points: u64) -> bool {
+        self.candidates().any(|count| count == points) || self.said() == points
+    }
+
     pub fn note_disagreement(self, notes: &mut Vec<String>) {
         if let Some(large) = self.large
             && large > 0

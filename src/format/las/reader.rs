@@ -30,6 +30,15 @@ pub struct LasFile {
     source: Arc<Source>,
     header: Header,
     body: Body,
+    complete: bool,
+}
+
+/// What the points' part of a file turned out to be.
+struct Points {
+    body: Body,
+    count: u64,
+    record_length: usize,
+    complete: bool,
 }
 
 /// Consecutive points of a file, as [`LasFile::slices`] cut them.
@@ -52,25 +61,42 @@ enum Body {
 
 impl LasFile {
     pub fn open(path: &Path) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, false)
+    }
+
+    /// Opens a file that may still be on its way: quickly, and without the
+    /// lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
+    pub fn open_strictly(path: &Path) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, true)
+    }
+
+    fn open_as(path: &Path, strict: bool) -> Result<LasFile, LasError> {
         let source = Arc::new(Source::open(path)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = records(&source, &front, &mut notes)?;
-        let (body, points, record_length) = if front.compressed {
-            compressed(&source, &front, &records, &mut notes)?
+        let points = if front.compressed {
+            compressed(&source, &front, &records, strict, &mut notes)?
         } else {
             plain(&source, &front, &mut notes)?
         };
 
         let mut header = front.finish(&source);
-        header.points = points;
-        header.record_length = record_length;
+        header.points = points.count;
+        header.record_length = points.record_length;
         let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
-        let standard = super::record_length(header.point_format).unwrap_or(record_length);
-        header.extra = extra_bytes::parse(descriptions, standard, record_length, &mut notes);
+        let standard = super::record_length(header.point_format).unwrap_or(points.record_length);
+        header.extra = extra_bytes::parse(descriptions, standard, points.record_length, &mut notes);
         header.crs = crs::find(&records, &mut notes);
         header.notes = notes;
-        Ok(LasFile { source, header, body })
+        Ok(LasFile { source, header, body: points.body, complete: points.complete })
+    }
+
+    /// Whether the file is finished by its own word: its header counts the
+    /// points that there are, and a LAZ file has its chunk table. One that can
+    /// be read and is not complete may still be growing.
+    pub fn is_complete(&self) -> bool {
+        self.complete
     }
 
     pub fn path(&self) -> &Path {
@@ -201,7 +227,7 @@ fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Ve
     Ok(records)
 }
 
-fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<(Body, u64, usize), LasError> {
+fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Points, LasError> {
     let length = usize::from(front.raw.point_data_record_length);
     let claims = Claims::of(&front.raw);
     let at = front.points_at();
@@ -228,15 +254,17 @@ fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<(Bod
             .judge(room, rest.max(1), notes)
             .map_err(|_| LasError::header(source.path(), "its counts contradict"))
     })?;
-    Ok((Body::Plain { at }, judged, length))
+    let complete = claims.are(judged);
+    Ok(Points { body: Body::Plain { at }, count: judged, record_length: length, complete })
 }
 
 fn compressed(
     source: &Arc<Source>,
     front: &Front,
     records: &[Vlr],
+    strict: bool,
     notes: &mut Vec<String>,
-) -> Result<(Body, u64, usize), LasError> {
+) -> Result<Points, LasError> {
     let path = source.path();
     let record = records
         .iter()
@@ -259,16 +287,17 @@ fn compressed(
         start: front.points_at(),
         end: front.points_end(source).max(front.points_at()),
         claims: Claims::of(&front.raw),
+        strict,
     };
-    let (layout, points) = locator.locate(notes)?;
-    let length = coding.record_length;
-    let body = match layout {
-        Layout::Chunks(chunks) if chunks.iter().all(|chunk| is_small(chunk, length)) => {
+    let located = locator.locate(notes)?;
+    let record_length = coding.record_length;
+    let body = match located.layout {
+        Layout::Chunks(chunks) if chunks.iter().all(|chunk| is_small(chunk, record_length)) => {
             Body::Chunks { coding, chunks }
         }
         layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
     };
-    Ok((body, points, length))
+    Ok(Points { body, count: located.points, record_length, complete: located.complete })
 }
 
 fn is_small(chunk: &Chunk, record_length: usize) -> bool {

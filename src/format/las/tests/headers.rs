@@ -150,3 +150,17 @@ fn a_pipe_is_refused_without_waiting_for_its_writer() {
     rustix::fs::mkfifoat(rustix::fs::CWD, &path, rustix::fs::Mode::RWXU).unwrap();
     assert!(matches!(LasFile::open(&path), Err(LasError::NotLas { .. })));
 }
+
+#[test]
+fn a_file_whose_header_counts_too_few_is_read_and_not_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), &options(1, false), &records(1, 0, 100, 1));
+    let mut bytes = std::fs::read(&path).unwrap();
+    assert!(LasFile::open(&path).unwrap().is_complete());
+    for said in [0u32, 60] {
+        bytes[107..111].copy_from_slice(&said.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let file = LasFile::open(&path).unwrap();
+        assert_eq!((file.header().points, file.header().notes.len(), file.is_complete()), (100, 1, false));
+    }
+}

@@ -81,6 +81,7 @@ fn chunks_of_any_size_are_read() {
             let made = Handmade::new(point_format, fixed, chunks);
             let file = made.open().unwrap();
             assert!(file.header().notes.is_empty(), "{:?}", file.header().notes);
+            assert!(file.is_complete());
             assert_eq!(file.slices(1).len(), chunks.len());
             for points in [1, 150, 10_000] {
                 assert!(read_all(&file, points).unwrap() == made.records, "format {point_format} {chunks:?}");
@@ -119,7 +120,7 @@ fn without_a_usable_chunk_table_the_points_are_still_read() {
             spoil(&mut made);
             let file = made.open().unwrap_or_else(|e| panic!("{name} {point_format}: {e}"));
             assert_eq!(file.header().points, 230);
-            assert!(!file.header().notes.is_empty());
+            assert!(!file.header().notes.is_empty() && !file.is_complete());
             for points in [7, 100, 10_000] {
                 assert!(read_all(&file, points).unwrap() == made.records, "{name} {point_format} {points}");
             }
@@ -143,6 +144,18 @@ fn a_cut_laz_file_says_how_much_is_left() {
             }
             other => panic!("{other:?}"),
         }
+    }
+}
+
+#[test]
+fn a_laz_file_that_is_cut_behind_its_last_point_has_them_all() {
+    for point_format in [1, 7] {
+        let mut made = Handmade::new(point_format, Some(100), &[100, 100, 30]);
+        made.bytes.truncate(made.table_at + 5);
+        let file = made.open().unwrap();
+        assert_eq!(file.header().points, 230);
+        assert_eq!(file.header().notes.len(), 1);
+        assert!(read_all(&file, 100).unwrap() == made.records);
     }
 }
 

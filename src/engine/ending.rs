@@ -1,0 +1,111 @@
+//! What is done when a run has ended: publish what succeeded, judge what did not,
+//! record it, and tell.
+
+use super::converter::{Failure, Report};
+use super::worker::Finished;
+use super::{Engine, Running, Stop, preflight, publish};
+use crate::clock::Millis;
+use crate::job::verdict::End;
+use crate::job::{Event, State, Wish, machine};
+use crate::store::{Ending, Result};
+
+impl Engine {
+    /// Records one ended run; may be called again for the same one.
+    pub(super) async fn record(&self, finished: &Finished) -> Result<()> {
+        let Some(running) = self.running.get(&finished.job) else { return Ok(()) };
+        let ending = match &finished.result {
+            Ok(report) => self.settle_success(running, report).await?,
+            Err(failure) => failing(running, failure),
+        };
+        let now = self.tools.clock.now();
+        let verdict = self
+            .tools
+            .store
+            .finish(finished.job, &self.owner, &ending, &self.tools.config.policy, now)
+            .await?;
+        let Some(verdict) = verdict else {
+            tracing::warn!(job = finished.job, "its lease was lost; the result is thrown away");
+            return Ok(());
+        };
+        self.tell(running, verdict.event, &ending, finished, now);
+        Ok(())
+    }
+
+    /// The conversion succeeded: publish, unless an operator or the source
+    /// thought better of it meanwhile.
+    async fn settle_success(&self, running: &Running, report: &Report) -> Result<Ending> {
+        if let Some(Stop::Wish(wish)) = running.stop {
+            return Ok(Ending { end: wish_end(wish), error: None });
+        }
+        let inputs = self.tools.store.inputs(running.job.id).await?;
+        if let Some(changed) = preflight::changed(&inputs) {
+            let error =
+                format!("{} changed while it was converted; waiting until it is quiet", changed.display());
+            return Ok(Ending { end: End::Passing, error: Some(error) });
+        }
+        let staged = match publish::inode(&publish::staging(&self.tools.config, running.job.id)) {
+            Ok(inode) => inode,
+            // Published by this call's forerunner, which could not record it.
+            Err(_) => self.tools.store.job(running.job.id).await?.staged.unwrap_or(0),
+        };
+        let now = self.tools.clock.now();
+        let result = report.json.to_string();
+        if staged != 0 && !self.tools.store.stage(running.job.id, &self.owner, staged, &result, now).await? {
+            return Ok(Ending { end: End::Passing, error: Some("its lease was lost".to_string()) });
+        }
+        Ok(match publish::publish(&self.tools, &running.job, staged).await {
+            Ok(()) => Ending { end: End::Published, error: None },
+            Err(failure) => failing(running, &failure),
+        })
+    }
+
+    /// Logs and counts the end of a run.
+    fn tell(&self, running: &Running, event: Event, ending: &Ending, finished: &Finished, now: Millis) {
+        let (job, name) = (running.job.id, running.job.name.as_str());
+        let error = ending.error.as_deref().unwrap_or("");
+        match event {
+            Event::Succeed => tracing::info!(job, name, points = running.job.points, "published"),
+            Event::Park => tracing::info!(job, name, "parked; it goes on at the next start"),
+            Event::Postpone => tracing::warn!(job, name, error, "did not succeed, is tried again"),
+            Event::Fail | Event::Quarantine => tracing::error!(job, name, error, "{}", event.name()),
+            _ => tracing::info!(job, name, "{}", event.name()),
+        }
+        let metrics = &self.tools.metrics;
+        let result = machine::next(State::Running, event).map_or("", |s| s.name());
+        metrics
+            .jobs_finished
+            .with_label_values(&[if event == Event::Postpone { "postponed" } else { result }])
+            .inc();
+        if let (Event::Succeed, Ok(report)) = (event, &finished.result) {
+            metrics.points_read.inc_by(report.points_in);
+            metrics.points_written.inc_by(report.points_out);
+            metrics.points_set_aside.inc_by(report.points_set_aside);
+            metrics.input_bytes.inc_by(running.job.bytes);
+            metrics.output_bytes.inc_by(report.output_bytes);
+            for (stage, seconds) in &report.seconds_by_stage {
+                metrics.stage_seconds.with_label_values(&[stage]).observe(*seconds);
+            }
+            let started = running.job.started_at.unwrap_or(now);
+            metrics.job_seconds.observe((now - started).max(0) as f64 / 1000.0);
+        }
+    }
+}
+
+pub(super) fn wish_end(wish: Wish) -> End {
+    match wish {
+        Wish::Cancel => End::Cancelled,
+        Wish::Pause => End::Paused,
+    }
+}
+
+/// How a run that failed is judged: what we stopped ourselves is no failure.
+fn failing(running: &Running, failure: &Failure) -> Ending {
+    let error = Some(failure.message.clone());
+    match running.stop {
+        Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
+        Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
+        None if failure.panicked => Ending { end: End::Panicked, error },
+        None if failure.may_pass => Ending { end: End::Passing, error },
+        None => Ending { end: End::Hopeless, error },
+    }
+}
