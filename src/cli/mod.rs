@@ -73,15 +73,20 @@ pub fn run() -> ExitCode {
 /// Logs go to stderr, so that stdout stays for results.
 fn start_logging(arguments: &Arguments) {
     use std::io::IsTerminal;
-    use tracing_subscriber::EnvFilter;
+    use tracing_subscriber::filter::{LevelFilter, Targets};
+    use tracing_subscriber::prelude::*;
 
-    let filter = EnvFilter::try_new(&arguments.log).unwrap_or_else(|_| EnvFilter::new("info"));
-    let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match arguments.log_format {
-        LogFormat::Json => builder.json().init(),
-        LogFormat::Plain => builder.with_ansi(false).with_target(false).init(),
-        LogFormat::Auto => builder.with_ansi(std::io::stderr().is_terminal()).with_target(false).init(),
-    }
+    let filter = arguments.log.parse().unwrap_or_else(|error| {
+        eprintln!("lodestone: --log {:?} is no filter ({error}); logging what \"info\" does", arguments.log);
+        Targets::new().with_default(LevelFilter::INFO)
+    });
+    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let layer = match arguments.log_format {
+        LogFormat::Json => layer.json().boxed(),
+        LogFormat::Plain => layer.with_ansi(false).with_target(false).boxed(),
+        LogFormat::Auto => layer.with_ansi(std::io::stderr().is_terminal()).with_target(false).boxed(),
+    };
+    tracing_subscriber::registry().with(layer.with_filter(filter)).init();
 }
 
 /// Prints an error with its causes and says that the command failed.

@@ -379,8 +379,11 @@ pub fn copy_record(from: &[u8], to: &mut [u8]) {
 /// The position of a raw record, as the file's integers.
 #[inline]
 pub fn raw_position(record: &[u8]) -> [i32; 3] {
-    let axis = |at: usize| i32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
-    [axis(0), axis(4), axis(8)]
+    // One check of the length instead of twelve; no record is shorter.
+    let Some((axes, _)) = record.first_chunk::<12>().map(|p| p.as_chunks::<4>()) else {
+        return [0; 3];
+    };
+    [0, 1, 2].map(|a| i32::from_le_bytes(axes[a]))
 }
 
 /// Writes the position at the start of an octree record.
