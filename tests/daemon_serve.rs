@@ -150,10 +150,12 @@ fn files_that_came_while_it_was_down_are_found_and_links_out_are_refused() {
 fn killed_at_any_moment_it_ends_with_one_published_octree() {
     let root = root();
     let data = root.path().join("data");
-    let mut daemon = Daemon::start(&data);
-    let source = daemon.inbox().join("big.las");
-    fs::write(&source, las(1_500_000, 3)).expect("dropped");
+    // Converted before the daemon sees it: the daemon would be done meanwhile.
+    let source = root.path().join("big.las");
+    fs::write(&source, las(1_500_000, 3)).expect("written");
     let expected = converted(&[&source], &root.path().join("big"));
+    let mut daemon = Daemon::start(&data);
+    fs::copy(&source, daemon.inbox().join("big.las")).expect("dropped");
     // Twice: three crashes would be quarantine.
     for pause in [5, 150] {
         daemon.wait("big", "running");
