@@ -110,12 +110,6 @@ impl Cube {
     pub fn spacing(&self) -> f64 {
         self.side() / f64::from(1u32 << SPACING_BITS)
     }
-
-    /// Where a node lies, in tree units.
-    pub fn frame(&self, node: NodeKey) -> Frame {
-        let side_bits = self.bits - u32::from(node.level);
-        Frame { origin: node.at.map(|c| c << side_bits), side_bits }
-    }
 }
 
 /// Bits that hold the value.
@@ -132,6 +126,12 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// Where a node lies in a root cube of 2^bits tree units.
+    pub fn of(bits: u32, node: NodeKey) -> Frame {
+        let side_bits = bits - u32::from(node.level);
+        Frame { origin: node.at.map(|c| c << side_bits), side_bits }
+    }
+
     /// How far to shift coordinates within the node to get cells as wide as
     /// the node's spacing; 0 where the spacing is a unit or less.
     pub fn spacing_shift(&self) -> u32 {

@@ -319,8 +319,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn sampled(sampler: &mut PoissonDisk, node: NodeKey, bits: u32, points: &[[u32; 3]]) -> Vec<[u32; 3]> {
-        let side_bits = bits - u32::from(node.level);
-        let frame = Frame { origin: node.at.map(|c| c << side_bits), side_bits };
+        let frame = Frame::of(bits, node);
         let items: Vec<Item> =
             points.iter().enumerate().map(|(i, at)| Item { at: *at, index: i as u32 }).collect();
         let mut taken = Vec::new();

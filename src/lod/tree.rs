@@ -143,7 +143,7 @@ impl<'s, E: Emit> Builder<'s, E> {
     /// Samples a node from its children, which are then final.
     fn sample<'a>(&mut self, node: NodeKey, mut children: Vec<Grown<'a>>) -> Result<Grown<'a>, E::Error> {
         let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
-        let frame = frame(self.bits, node);
+        let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count());
         let mut flags = self.taken.iter();
@@ -155,18 +155,12 @@ impl<'s, E: Emit> Builder<'s, E> {
         for (mut child, kept) in children.into_iter().zip(kept) {
             if kept > 0 || child.has_children {
                 has_children = true;
-                let frame = crate::lod::tree::frame(self.bits, child.node);
+                let frame = Frame::of(self.bits, child.node);
                 self.emit.node(child.node, frame, &child.set.items()[..kept])?;
             }
         }
         Ok(Grown { node, set: Set::Sampled(accepted), has_children })
     }
-}
-
-/// A node's frame in a cube of 2^bits units.
-pub fn frame(bits: u32, node: NodeKey) -> Frame {
-    let side_bits = bits - u32::from(node.level);
-    Frame { origin: node.at.map(|c| c << side_bits), side_bits }
 }
 
 /// Moves the taken items to `accepted` and closes the gaps they leave; returns

@@ -15,11 +15,12 @@ use super::options::Options;
 use super::output::OctreeFile;
 use super::survey::Survey;
 use super::workers;
+use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
-use crate::lod::tree::{Emit, frame, move_taken};
+use crate::lod::tree::{Emit, move_taken};
 
 /// Level whose nodes' subtrees are merged side by side: up to 64, of which a
 /// flat country fills 16.
@@ -182,7 +183,7 @@ impl<'a> Merger<'a> {
 
     fn sample(&mut self, node: NodeKey, mut children: Vec<Grown>) -> Result<Grown> {
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
-        let frame = frame(self.survey.cube.bits, node);
+        let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
@@ -208,7 +209,7 @@ impl<'a> Merger<'a> {
         for grown in nodes {
             let node = grown.rising.node;
             self.writer.records.bytes = grown.rising.records;
-            self.writer.node(node, frame(self.survey.cube.bits, node), &grown.items)?;
+            self.writer.node(node, Frame::of(self.survey.cube.bits, node), &grown.items)?;
             self.context.progress.advance(grown.items.len() as u64);
         }
         Ok(())
