@@ -11,6 +11,10 @@ fn root() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")
 }
 
+/// Points of a cloud that is converted for some seconds by one thread, so that a
+/// test can get a word in.
+const BIG: u32 = 4_000_000;
+
 #[test]
 fn a_dropped_file_becomes_the_octree_that_convert_makes() {
     let root = root();
@@ -152,16 +156,16 @@ fn killed_at_any_moment_it_ends_with_one_published_octree() {
     let data = root.path().join("data");
     // Converted before the daemon sees it: the daemon would be done meanwhile.
     let source = root.path().join("big.las");
-    fs::write(&source, las(1_500_000, 3)).expect("written");
+    fs::write(&source, las(BIG, 3)).expect("written");
     let expected = converted(&[&source], &root.path().join("big"));
-    let mut daemon = Daemon::start(&data);
+    let mut daemon = Daemon::start_with(&data, &["--threads", "1"]);
     fs::copy(&source, daemon.inbox().join("big.las")).expect("dropped");
     // Twice: three crashes would be quarantine.
     for pause in [5, 150] {
         daemon.wait("big", "running");
         std::thread::sleep(Duration::from_millis(pause));
         daemon.kill();
-        daemon = Daemon::start(&data);
+        daemon = Daemon::start_with(&data, &["--threads", "1"]);
     }
     let job = daemon.wait("big", "done");
     assert_eq!(content(&daemon.octree("big")), expected);
@@ -174,7 +178,7 @@ fn killed_at_any_moment_it_ends_with_one_published_octree() {
     }
     daemon.kill();
     // What is published is never converted again.
-    let daemon = Daemon::start(&data);
+    let daemon = Daemon::start_with(&data, &["--threads", "1"]);
     std::thread::sleep(Duration::from_millis(1500));
     assert_eq!(daemon.jobs()[0]["attempts"], attempts);
     assert_eq!(daemon.jobs().len(), 1);
@@ -184,11 +188,11 @@ fn killed_at_any_moment_it_ends_with_one_published_octree() {
 fn a_stop_in_the_middle_parks_the_job_and_counts_nothing() {
     let root = root();
     let data = root.path().join("data");
-    let mut daemon = Daemon::start(&data);
-    fs::write(daemon.inbox().join("big.las"), las(1_500_000, 4)).expect("dropped");
+    let mut daemon = Daemon::start_with(&data, &["--threads", "1"]);
+    fs::write(daemon.inbox().join("big.las"), las(BIG, 4)).expect("dropped");
     daemon.wait("big", "running");
     assert!(daemon.stop());
-    let daemon = Daemon::start(&data);
+    let daemon = Daemon::start_with(&data, &["--threads", "1"]);
     let job = daemon.wait("big", "done");
     assert_eq!((job["attempts"].as_u64(), job["strikes"].as_u64()), (Some(1), Some(0)));
 }
@@ -196,8 +200,8 @@ fn a_stop_in_the_middle_parks_the_job_and_counts_nothing() {
 #[test]
 fn orders_are_obeyed_and_nonsense_is_refused() {
     let root = root();
-    let daemon = Daemon::start(&root.path().join("data"));
-    fs::write(daemon.inbox().join("big.las"), las(1_500_000, 5)).expect("dropped");
+    let daemon = Daemon::start_with(&root.path().join("data"), &["--threads", "1"]);
+    fs::write(daemon.inbox().join("big.las"), las(BIG, 5)).expect("dropped");
     let id = daemon.wait("big", "running")["id"].clone();
     assert_eq!(daemon.post(&format!("/api/jobs/{id}/pause"), "").0, 202);
     daemon.wait("big", "paused");
@@ -235,7 +239,7 @@ fn orders_are_obeyed_and_nonsense_is_refused() {
 fn a_second_daemon_on_the_same_root_is_kept_out() {
     let root = root();
     let data = root.path().join("data");
-    let _first = Daemon::start(&data);
+    let _first = Daemon::start_with(&data, &["--threads", "1"]);
     let second = std::process::Command::new(env!("CARGO_BIN_EXE_lodestone"))
         .args(["serve", "--listen", "127.0.0.1:0", "--root"])
         .arg(&data)
@@ -276,13 +280,13 @@ fn lodestone(arguments: &[&str]) -> (Option<i32>, String, String) {
 fn the_command_line_reads_and_orders_beside_a_running_daemon() {
     let root = root();
     let data = root.path().join("data");
-    let daemon = Daemon::start(&data);
+    let daemon = Daemon::start_with(&data, &["--threads", "1"]);
     let at = data.to_str().expect("a path");
-    fs::write(daemon.inbox().join("big.las"), las(1_500_000, 6)).expect("dropped");
+    fs::write(daemon.inbox().join("big.las"), las(BIG, 6)).expect("dropped");
     let id = daemon.wait("big", "running")["id"].to_string();
     let (code, table, _) = lodestone(&["jobs", "--root", at, "list"]);
     assert_eq!(code, Some(0));
-    assert!(table.contains("big") && table.contains("running") && table.contains("1 500 000"), "{table}");
+    assert!(table.contains("big") && table.contains("running") && table.contains("4 000 000"), "{table}");
     assert_eq!(lodestone(&["jobs", "--root", at, "cancel", &id]).0, Some(0));
     daemon.wait("big", "cancelled");
     let (code, _, error) = lodestone(&["jobs", "--root", at, "pause", &id]);
