@@ -5,6 +5,7 @@
 //! has them. Layouts of the point formats 0 to 10: LAS 1.4 R15, tables 7 to 17.
 
 use super::attribute::{Attribute, ExtraField, Scalar, Schema};
+use super::naming::{merge, viewing_order};
 
 /// One file's raw records.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,10 +189,12 @@ impl Unified {
         let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
         for (source, ored) in sources {
             let mut of_source = Vec::new();
+            let standard = fields(source.format).len();
             for (attribute, place, always) in source.attributes() {
                 let used = always || Source::is_used(place, ored);
                 let taken: Vec<usize> = of_source.iter().map(|(i, _)| *i).collect();
-                let index = merge(&mut merged, attribute, used, &taken);
+                let is_extra = taken.len() >= standard;
+                let index = merge(&mut merged, attribute, used, is_extra, &taken);
                 of_source.push((index, place));
             }
             places.push(of_source);
@@ -225,69 +228,6 @@ impl Unified {
 
 fn position() -> Attribute {
     Attribute::new("position", Scalar::I32, 3)
-}
-
-/// Finds or adds an attribute among those of all sources. One of the same name
-/// but another type, or a second one of the same file, gets a number.
-fn merge(
-    merged: &mut Vec<(Attribute, bool)>,
-    mut attribute: Attribute,
-    used: bool,
-    taken: &[usize],
-) -> usize {
-    let base = attribute.name.clone();
-    for number in 2.. {
-        let found = merged.iter().position(|(m, _)| m.name == attribute.name);
-        let reserved = attribute.name == "position";
-        match found {
-            None if !reserved => {
-                merged.push((attribute, used));
-                return merged.len() - 1;
-            }
-            Some(i) if !taken.contains(&i) && same_values(&merged[i].0, &attribute) => {
-                merged[i].1 |= used;
-                return i;
-            }
-            _ => attribute.name = format!("{base} ({number})"),
-        }
-    }
-    unreachable!("numbers do not run out")
-}
-
-fn same_values(a: &Attribute, b: &Attribute) -> bool {
-    (a.scalar, a.elements) == (b.scalar, b.elements) && a.scale == b.scale && a.offset == b.offset
-}
-
-/// Standard attributes in the order viewers list them, then the others in the
-/// order in which they were met.
-fn viewing_order(merged: &[(Attribute, bool)]) -> Vec<usize> {
-    const ORDER: [&str; 22] = [
-        "intensity",
-        "return number",
-        "number of returns",
-        "classification flags",
-        "classification",
-        "scan angle rank",
-        "scan angle",
-        "user data",
-        "point source id",
-        "gps-time",
-        "rgb",
-        "nir",
-        "scanner channel",
-        "scan direction flag",
-        "edge of flight line",
-        "wave packet descriptor index",
-        "byte offset to waveform data",
-        "waveform packet size",
-        "return point waveform location",
-        "x(t)",
-        "y(t)",
-        "z(t)",
-    ];
-    let mut order: Vec<usize> = (0..merged.len()).collect();
-    order.sort_by_key(|i| ORDER.iter().position(|name| *name == merged[*i].0.name).unwrap_or(ORDER.len()));
-    order
 }
 
 /// The moves that turn one source's raw record into an octree record.
@@ -490,6 +430,26 @@ mod tests {
             copy_record(&from, &mut to);
             assert_eq!(from, to);
         }
+    }
+
+    #[test]
+    fn extra_bytes_never_take_a_name_that_viewers_know() {
+        let named = |name: &str, position: usize| ExtraField {
+            name: name.into(),
+            description: String::new(),
+            scalar: Scalar::U16,
+            elements: 3,
+            position,
+            scale: vec![],
+            offset: vec![],
+        };
+        let extra = vec![named("rgb", 20), named("rgba", 26), named("position", 32)];
+        let bare = Source { format: 0, record_length: 38, extra };
+        let u = Unified::new(&[(bare, vec![1; 38]), (source(2, 26), vec![1; 26])], &[]);
+        for name in ["rgb (2)", "rgba (2)", "position (2)", "rgb"] {
+            assert_eq!(names(&u).iter().filter(|n| **n == name).count(), 1, "{name}");
+        }
+        assert!(!names(&u).contains(&"rgba"));
     }
 
     #[test]
