@@ -94,6 +94,8 @@ impl Chance {
 struct Watch {
     /// Units with receipts by job.
     units: BTreeMap<String, BTreeSet<(u8, u32)>>,
+    /// Jobs whose journal the janitor has taken: they must be done.
+    cleared: BTreeSet<i64>,
     /// Attempts of a job when it was first seen done.
     done: BTreeMap<i64, i64>,
 }
@@ -103,7 +105,11 @@ impl Watch {
     fn look_at_receipts(&mut self, root: &Path) {
         for entry in fs::read_dir(root.join("scratch")).expect("there").flatten() {
             let job = entry.file_name().to_string_lossy().into_owned();
-            let receipts = journal::read(&entry.path().join("journal")).expect("a journal");
+            let journal = entry.path().join("journal");
+            if !journal.exists() && self.units.remove(&job).is_some() {
+                self.cleared.insert(job.trim_start_matches("job-").parse().expect("a number"));
+            }
+            let receipts = journal::read(&journal).expect("a journal");
             let units: Vec<(u8, u32)> = receipts.iter().filter_map(unit).collect();
             let known: BTreeSet<(u8, u32)> = units.iter().copied().collect();
             assert_eq!(known.len(), units.len(), "{job} did a unit twice: {units:?}");
@@ -120,6 +126,9 @@ impl Watch {
                 (job["id"].as_i64().expect("an id"), job["attempts"].as_i64().expect("a count"));
             let then = *self.done.entry(id).or_insert(attempts);
             assert_eq!(attempts, then, "{} was converted again after it was published", job["name"]);
+        }
+        for job in jobs.iter().filter(|job| self.cleared.contains(&job["id"].as_i64().expect("an id"))) {
+            assert_eq!(job["state"], "done", "{} lost its receipts", job["name"]);
         }
         jobs.len() == all && jobs.iter().all(|job| job["state"] == "done")
     }
