@@ -8,7 +8,7 @@ use super::progress::{self, Style};
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::options::{Encoding, Options, Sampling};
+use crate::stage::options::{Encoding, Mode, Options, Sampling};
 use crate::stage::staging::staging_folder;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
@@ -26,6 +26,12 @@ pub struct Arguments {
     /// How points are stored
     #[arg(long, ignore_case = true, default_value = "default")]
     encoding: Encoding,
+    /// What becomes of a few points so far away that the octree would be built for them
+    #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
+    outliers: Mode,
+    /// What becomes of points at one position beyond the first 10 000
+    #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
+    duplicates: Mode,
     /// Attributes to keep, by name, separated by commas; all if not given
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     attributes: Vec<String>,
@@ -73,6 +79,8 @@ pub fn run(arguments: Arguments) -> Exit {
         options: Options {
             sampling: arguments.sampling,
             encoding: arguments.encoding,
+            outliers: arguments.outliers,
+            duplicates: arguments.duplicates,
             attributes: arguments.attributes,
             name: arguments.name,
         },
@@ -115,6 +123,15 @@ fn scratch_name(name: &str, output: &Path) -> String {
 fn print_outcome(request: &Request, outcome: &Outcome) {
     for note in &outcome.notes {
         println!("note: {note}");
+    }
+    for (reason, points) in &outcome.set_aside {
+        let points = super::grouped(*points);
+        match outcome.files_aside.is_empty() {
+            false => {
+                println!("set aside: {points} ({}s), in {}", reason.name(), outcome.files_aside.join(", "))
+            }
+            true => println!("dropped as asked: {points} ({}s)", reason.name()),
+        }
     }
     let seconds: f64 = outcome.seconds_by_stage.values().sum();
     println!(

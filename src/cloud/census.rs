@@ -22,7 +22,7 @@ pub struct Grid {
     /// Level of the octree whose nodes are this grid's cells.
     pub level: u32,
     /// Right shift from tree coordinates to cell coordinates.
-    shift: u32,
+    pub shift: u32,
     /// First cell, and cells per axis.
     pub origin: [u32; 3],
     pub dims: [u32; 3],

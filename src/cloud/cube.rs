@@ -7,6 +7,8 @@
 //! onto the common unit by one integer multiplication, fixed once: still no
 //! float decides where a point belongs.
 
+use serde::{Deserialize, Serialize};
+
 use super::lattice::Lattice;
 use super::node::NodeKey;
 
@@ -17,7 +19,7 @@ pub const MAX_BITS: u32 = 31;
 /// (FORMATS.md; the paper's section 5).
 pub const SPACING_BITS: u32 = 7;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum ToTree {
     /// Tree coordinate = distance from the corner >> shift.
     Shift(u32),
@@ -26,7 +28,7 @@ enum ToTree {
 }
 
 /// The octree's root cube on a lattice.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cube {
     /// Lattice integers of the cube's smallest corner.
     pub corner: [i32; 3],

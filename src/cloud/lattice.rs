@@ -43,7 +43,7 @@ impl Lattice {
 }
 
 /// From one file's integers to the lattice's, per axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum Axis {
     /// stored = raw × mul + add, exactly.
     Integer { mul: i64, add: i64 },
@@ -63,7 +63,7 @@ impl Axis {
 }
 
 /// Requantises one file's positions onto the data set's lattice.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Requantise {
     axes: [Axis; 3],
     /// Set where all axes only add: the usual case, and the fast one.

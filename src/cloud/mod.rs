@@ -10,6 +10,7 @@ pub mod cube;
 pub mod lattice;
 mod naming;
 pub mod node;
+pub mod outliers;
 pub mod plan;
 pub mod record;
 pub mod statistics;

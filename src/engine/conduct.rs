@@ -19,6 +19,7 @@ use crate::stage::options::Options;
 use crate::stage::publish::{self, Octree};
 use crate::stage::receipt::Receipt;
 use crate::stage::scratch::{Scratch, units_done};
+use crate::stage::set_aside::{self, Reason};
 use crate::stage::staging::{self, Staging, staging_folder};
 use crate::stage::survey::{self, Opened};
 
@@ -43,6 +44,10 @@ pub struct Outcome {
     pub points_in: u64,
     pub points_out: u64,
     pub points_set_aside: u64,
+    /// By reason; what was dropped on request too.
+    pub set_aside: BTreeMap<Reason, u64>,
+    /// Files in the octree's folder that hold them.
+    pub files_aside: Vec<String>,
     pub nodes: u64,
     /// Level of the deepest node.
     pub depth: u32,
@@ -197,24 +202,32 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         times.measure(Stage::Survey, || survey::survey(opened, options, scratch.as_deref(), context))?;
     let octree_file = staging.octree_file(&survey, scratch.as_ref(), options, context)?;
     let runs = times.measure(Stage::Distribute, || distribute(&survey, scratch.as_ref(), context))?;
-    let indexed = times.measure(Stage::Index, || index(&survey, &runs, &octree_file, options, context))?;
+    let mut indexed =
+        times.measure(Stage::Index, || index(&survey, &runs, &octree_file, options, context))?;
+    let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
+    let files_aside = set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)?;
     drop(runs);
     let (statistics, points) = times.measure(Stage::Merge, || {
         merge(&survey, indexed, &octree_file, scratch.as_ref(), options, context)
     })?;
+    let set_aside = set_aside::tally(&aside);
+    let points_aside = set_aside.values().sum();
     let completed = times.measure(Stage::Publish, || {
         for input in &survey.inputs {
             input.las.check_unchanged()?;
         }
         let (nodes, length) = octree_file.finish()?;
-        let octree = Octree { survey: &survey, nodes: &nodes, length, statistics: &statistics };
+        let octree =
+            Octree { survey: &survey, nodes: &nodes, length, statistics: &statistics, aside: points_aside };
         publish::complete(&octree, &staging.folder, &request.output, options, context)
     })?;
     let outcome = Outcome {
         files: paths.len() as u64,
         points_in: survey.points,
         points_out: points,
-        points_set_aside: 0,
+        points_set_aside: points_aside,
+        set_aside,
+        files_aside,
         nodes: completed.nodes,
         depth: completed.depth,
         chunks: survey.plan.chunks.len() as u64,

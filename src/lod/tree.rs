@@ -34,6 +34,10 @@ pub struct Builder<'s, E: Emit> {
     pub leaf_limit: usize,
     pub sampler: &'s mut dyn Sampler,
     pub emit: E,
+    /// Whether a position keeps no more than a leaf's worth of points.
+    pub thin_crowds: bool,
+    /// Indices of what was kept out for it: the last of each crowd.
+    pub aside: Vec<u32>,
     taken: Vec<bool>,
     thinner: Thinner,
 }
@@ -68,7 +72,16 @@ pub struct Root {
 
 impl<'s, E: Emit> Builder<'s, E> {
     pub fn new(bits: u32, leaf_limit: usize, sampler: &'s mut dyn Sampler, emit: E) -> Self {
-        Builder { bits, leaf_limit, sampler, emit, taken: Vec::new(), thinner: Thinner::default() }
+        Builder {
+            bits,
+            leaf_limit,
+            sampler,
+            emit,
+            thin_crowds: false,
+            aside: Vec::new(),
+            taken: Vec::new(),
+            thinner: Thinner::default(),
+        }
     }
 
     /// Builds the tree below `node` from all of its points (`spare` is room for
@@ -94,12 +107,21 @@ impl<'s, E: Emit> Builder<'s, E> {
         spare: &'a mut [Item],
     ) -> Result<Grown<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
-            return Ok(Grown { node, set: Set::Sorted(items), has_children: false });
+            return Ok(self.leaf(node, items));
         }
         let levels = self.split_levels(node, items.len());
         let shift = self.bits - u32::from(node.level) - levels;
         let starts = sort_into_cells(items, spare, shift, levels);
         self.grow_cells(node, levels, &starts, spare, items)
+    }
+
+    /// A leaf; where that is a single position, a crowd there may be too much.
+    fn leaf<'a>(&mut self, node: NodeKey, items: &'a mut [Item]) -> Grown<'a> {
+        let kept = if self.thin_crowds { items.len().min(self.leaf_limit) } else { items.len() };
+        // The sort is stable: what came first stays.
+        let (items, aside) = items.split_at_mut(kept);
+        self.aside.extend(aside.iter().map(|item| item.index));
+        Grown { node, set: Set::Sorted(items), has_children: false }
     }
 
     /// How many levels to divide at once: a surface loses three quarters of a
@@ -120,7 +142,7 @@ impl<'s, E: Emit> Builder<'s, E> {
         spare: &'a mut [Item],
     ) -> Result<Grown<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
-            return Ok(Grown { node, set: Set::Sorted(items), has_children: false });
+            return Ok(self.leaf(node, items));
         }
         if levels == 0 {
             return self.grow(node, items, spare);

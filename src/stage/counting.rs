@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
+use super::options::Mode;
 use super::receipt::Receipt;
+use super::region::Region;
 use super::scratch::Scratch;
 use super::staging::check_room;
 use super::survey::{Kept, Unit};
@@ -28,6 +30,8 @@ pub struct Findings {
     /// For every input.
     pub found: Vec<Found>,
     pub census: Census,
+    /// The part of the cloud that goes into the octree.
+    pub region: Region,
     pub passes: u32,
     pub notes: Vec<String>,
 }
@@ -43,6 +47,7 @@ fn hinted_grid(file: &LasFile) -> SourceGrid {
 }
 
 /// What a census stands on.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Base {
     pub lattice: Lattice,
     /// For every input.
@@ -82,6 +87,19 @@ pub struct Found {
     pub ored: Vec<u8>,
 }
 
+/// A file of which nothing is left has no bounds; those of a point that is left
+/// will do.
+fn fill_in(found: &mut [Found]) {
+    let Some(some) = found.iter().find(|f| f.grid.min[0] <= f.grid.max[0]).map(|f| f.grid) else { return };
+    for Found { grid, .. } in found.iter_mut().filter(|f| f.grid.min[0] > f.grid.max[0]) {
+        let at = std::array::from_fn(|a| {
+            let world = f64::from(some.min[a]) * some.scale[a] + some.offset[a];
+            ((world - grid.offset[a]) / grid.scale[a]).round() as i32
+        });
+        (grid.min, grid.max) = (at, at);
+    }
+}
+
 /// Goes through all units, from memory where they are kept.
 pub struct Counter<'a> {
     pub files: &'a [LasFile],
@@ -90,6 +108,9 @@ pub struct Counter<'a> {
     pub keep: bool,
     pub scratch: Option<&'a Scratch>,
     pub context: &'a Context,
+    pub guard: Mode,
+    /// The part of the cloud that is counted; all of it at first.
+    pub region: Region,
     /// Times that the points were gone through.
     pub passes: u32,
 }
@@ -112,30 +133,46 @@ impl Counter<'_> {
             check_room(&self.context.disk, &scratch.folder, self.missing_in(scratch)?)?;
         }
         let hints: Vec<SourceGrid> = self.files.iter().map(hinted_grid).collect();
-        let hinted = Counting::new(&hints, points);
-        let found = self.first_pass(&hinted)?;
-        let grids: Vec<SourceGrid> = found.iter().map(|f| f.grid).collect();
-        let mut counting = Counting::new(&grids, points);
+        let (mut found, mut counting, fitted) = self.fit(&hints, points)?;
         let mut notes = Vec::new();
-        if counting.base.lattice == hinted.base.lattice && counting.base.cube == hinted.base.cube {
-            counting = hinted;
-        } else {
-            let lying = hints.iter().zip(&grids).zip(self.files).filter(|((h, g), _)| h != g);
+        if !fitted {
+            let lying = hints.iter().zip(&found).zip(self.files).filter(|((h, f), _)| **h != f.grid);
             notes.extend(lying.take(5).map(|(_, f)| {
                 format!("{}: the header's bounding box is not the points' own", f.path().display())
             }));
-            self.count_again(&counting)?;
         }
+        while self.guard != Mode::Keep
+            && let Some(kept) = self.region.next(&counting.census, points)
+        {
+            let hints = self.region.restrict(counting.base, &counting.census, kept, self.files);
+            (found, counting, _) = self.fit(&hints, points)?;
+        }
+        notes.extend(self.region.note(points));
         let limit = plan::chunk_limit(points);
         while counting.census.refine(limit) {
             self.count_again(&counting)?;
         }
         let Counting { base, census } = counting;
-        let findings = Findings { found, census, passes: self.passes, notes };
+        let findings = Findings { found, census, region: self.region, passes: self.passes, notes };
         match self.scratch {
             Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
             None => Ok((findings, base)),
         }
+    }
+
+    /// Counts on a grid fitted to the points' true bounds, going by hints at
+    /// first; tells whether these were right.
+    fn fit(&mut self, hints: &[SourceGrid], points: u64) -> Result<(Vec<Found>, Counting, bool)> {
+        let hinted = Counting::new(hints, points);
+        let mut found = self.first_pass(&hinted)?;
+        fill_in(&mut found);
+        let grids: Vec<SourceGrid> = found.iter().map(|f| f.grid).collect();
+        let counting = Counting::new(&grids, points);
+        if counting.base.lattice == hinted.base.lattice && counting.base.cube == hinted.base.cube {
+            return Ok((found, hinted, true));
+        }
+        self.count_again(&counting)?;
+        Ok((found, counting, false))
     }
 
     /// Bytes that the runs will need on disk beyond what they have.
@@ -163,7 +200,9 @@ impl Counter<'_> {
             let length = self.files[unit.input].header().record_length;
             let requantise = &hinted.base.requantise[unit.input];
             let mut looker = Looker::new(length);
+            let mut inside = Vec::new();
             for block in records.chunks(BLOCK * length) {
+                let block = self.region.of(unit.input, block, length, &mut inside);
                 looker.look(block);
                 let trees = block
                     .chunks_exact(length)
@@ -185,13 +224,19 @@ impl Counter<'_> {
         self.each_unit(|unit, records| {
             let las = &self.files[unit.input];
             let requantise = &counting.base.requantise[unit.input];
-            let trees = records
-                .chunks_exact(las.header().record_length)
-                .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
-            match counting.census.count(trees) {
-                0 => Ok(()),
-                _ => Err(StageError::InputChanged(las.path().to_path_buf())),
+            let length = las.header().record_length;
+            let mut inside = Vec::new();
+            for block in records.chunks(BLOCK * length) {
+                let trees = self
+                    .region
+                    .of(unit.input, block, length, &mut inside)
+                    .chunks_exact(length)
+                    .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
+                if counting.census.count(trees) > 0 {
+                    return Err(StageError::InputChanged(las.path().to_path_buf()));
+                }
             }
+            Ok(())
         })
     }
 

@@ -12,6 +12,7 @@ use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::receipt::Receipt;
 use super::scratch::Scratch;
+use super::set_aside::{self, Range, Reason};
 use super::survey::{Kept, Survey, Unit};
 use super::workers;
 use crate::cloud::record;
@@ -41,6 +42,8 @@ pub struct Part {
 pub struct Runs {
     pub runs: Vec<Run>,
     pub parts: Vec<Vec<Part>>,
+    /// What lies outside the survey's region.
+    pub outliers: Vec<Range>,
     pub scratch: Option<Arc<Scratch>>,
 }
 
@@ -50,7 +53,7 @@ type Made = Mutex<Option<(Run, Vec<u32>)>>;
 /// Cuts the surveyed units into runs.
 pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Context) -> Result<Runs> {
     context.progress.begin(Stage::Distribute, survey.points);
-    let chunks = survey.plan.chunks.len();
+    let buckets = buckets(survey);
     let made: Vec<Made> = survey.units.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
@@ -63,7 +66,7 @@ pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Con
                 None => state.in_memory(survey, unit)?,
                 Some(scratch) => {
                     let counts = match scratch.past.bucketed.get(&(i as u32)) {
-                        Some(counts) => spread(counts, chunks)?,
+                        Some(counts) => spread(counts, buckets)?,
                         None => state.to_scratch(survey, unit, i as u32, scratch)?,
                     };
                     (Place::Scratch(unit.at), counts)
@@ -93,9 +96,14 @@ fn spread(held: &[(u32, u32)], chunks: usize) -> Result<Vec<u32>> {
     Ok(counts)
 }
 
+/// One for each chunk, and one for what goes into none.
+fn buckets(survey: &Survey) -> usize {
+    survey.plan.chunks.len() + usize::from(!survey.region.is_everywhere())
+}
+
 /// Turns per-run counts into per-chunk parts.
 fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> Result<Runs> {
-    let mut parts: Vec<Vec<Part>> = vec![Vec::new(); survey.plan.chunks.len()];
+    let mut parts: Vec<Vec<Part>> = vec![Vec::new(); buckets(survey)];
     let mut runs = Vec::with_capacity(made.len());
     for slot in made {
         let Some((run, counts)) = slot.into_inner().unwrap_or_else(|e| e.into_inner()) else {
@@ -116,7 +124,14 @@ fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> R
             return Err(StageError::InputChanged(survey.inputs[input].las.path().to_path_buf()));
         }
     }
-    Ok(Runs { runs, parts, scratch })
+    let outside = parts.split_off(survey.plan.chunks.len()).into_iter().flatten();
+    let outliers: Vec<Range> = outside
+        .map(|Part { run, first, points }| Range { run, first, points, reason: Reason::Outlier })
+        .collect();
+    if set_aside::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
+        return Err(StageError::InputChanged(survey.inputs[0].las.path().to_path_buf()));
+    }
+    Ok(Runs { runs, parts, outliers, scratch })
 }
 
 /// One worker's buffers.
@@ -174,7 +189,8 @@ impl Bucketer {
     fn bucket(&mut self, survey: &Survey, input: usize, records: &[u8]) -> Result<Vec<u32>> {
         let source = &survey.inputs[input];
         let length = source.source.record_length;
-        let mut counts = vec![0u32; survey.plan.chunks.len()];
+        let mut counts = vec![0u32; buckets(survey)];
+        let outside = (counts.len() - 1) as u32;
         if counts.len() == 1 {
             counts[0] = (records.len() / length) as u32;
             self.run.clear();
@@ -183,7 +199,13 @@ impl Bucketer {
         }
         self.chunks.clear();
         for r in records.chunks_exact(length) {
-            let tree = survey.cube.tree(source.requantise.stored(record::raw_position(r)));
+            let raw = record::raw_position(r);
+            if !survey.region.is_everywhere() && !survey.region.holds(input, raw) {
+                counts[outside as usize] += 1;
+                self.chunks.push(outside);
+                continue;
+            }
+            let tree = survey.cube.tree(source.requantise.stored(raw));
             let Some(chunk) = survey.plan.chunk_of(tree) else {
                 return Err(StageError::InputChanged(source.las.path().to_path_buf()));
             };

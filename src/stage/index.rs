@@ -8,13 +8,15 @@ use super::context::{Context, Stage};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::nodes::{NodeWriter, RawPoints, Records};
-use super::options::{Options, Sampling};
+use super::options::{Mode, Options, Sampling};
 use super::output::{Block, OctreeFile};
 use super::receipt::{Built, Risen};
 use super::scratch::Scratch;
+use super::set_aside::{self, Range, Reason};
 use super::survey::{Survey, chunk_memory};
 use super::workers;
 use crate::cloud::node::NodeKey;
+use crate::cloud::plan::Chunk;
 use crate::cloud::statistics::Statistics;
 use crate::disk::DiskFile;
 use crate::lod::poisson::PoissonDisk;
@@ -58,6 +60,17 @@ pub struct Indexed {
     pub statistics: Statistics,
     /// Points in the nodes that were written.
     pub points: u64,
+    /// Points of crowds that were kept out, in the order of the plan.
+    pub crowds: Vec<Range>,
+}
+
+/// A chunk, or a step of the merge, when it is done.
+pub struct Done {
+    pub root: Rising,
+    pub statistics: Statistics,
+    /// Points in the nodes that were written.
+    pub points: u64,
+    pub aside: Vec<Range>,
 }
 
 pub fn sampler(survey: &Survey, sampling: Sampling) -> Box<dyn Sampler> {
@@ -77,8 +90,8 @@ pub fn index(
 ) -> Result<Indexed> {
     context.progress.begin(Stage::Index, survey.points);
     let chunks = &survey.plan.chunks;
-    let threads = threads_for_memory(survey, context)?;
-    let rising: Vec<Mutex<Option<Rising>>> = chunks.iter().map(|_| Mutex::new(None)).collect();
+    let threads = threads_for_memory(survey, options, context)?;
+    let rising: Vec<Mutex<Option<(Rising, Vec<Range>)>>> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
     let start = || Indexer::new(survey, options);
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, i| {
@@ -87,32 +100,40 @@ pub fn index(
             Some(built) => resubmit(octree, i, built),
             None => indexer.chunk(survey, runs, octree, i, context),
         };
-        let (root, statistics, points) = done.inspect_err(|_| octree.fail())?;
-        *rising[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(root);
+        let Done { root, statistics, points, aside } = done.inspect_err(|_| octree.fail())?;
+        *rising[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, aside));
         let mut total = total.lock().unwrap_or_else(|e| e.into_inner());
         total.0.merge(&statistics);
         total.1 += points;
         context.progress.advance(chunks[i].points);
         Ok(())
     })?;
-    let rising =
-        rising.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
+    let done = rising.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner()));
+    let (rising, crowds): (Vec<Rising>, Vec<Vec<Range>>) = done.unzip();
     let (statistics, points) = total.into_inner().unwrap_or_else(|e| e.into_inner());
-    Ok(Indexed { rising, statistics, points })
+    Ok(Indexed { rising, statistics, points, crowds: crowds.concat() })
 }
 
 /// As many threads as there is memory for, by the largest chunk.
-fn threads_for_memory(survey: &Survey, context: &Context) -> Result<usize> {
+fn threads_for_memory(survey: &Survey, options: &Options, context: &Context) -> Result<usize> {
     if survey.in_core {
         return Ok(context.threads);
     }
-    let largest = survey.plan.chunks.iter().map(|c| c.points).max().unwrap_or(0);
+    let in_hand =
+        |chunk: &Chunk| if is_crowd(survey, options, chunk) { LEAF_LIMIT as u64 } else { chunk.points };
+    let largest = survey.plan.chunks.iter().map(in_hand).max().unwrap_or(0);
     let raw = survey.inputs.iter().map(|i| i.source.record_length).max().unwrap_or(0);
     let needed = chunk_memory(largest, raw as u64, survey.unified.schema.record_size() as u64);
     match context.memory_limit / needed {
         0 => Err(StageError::MemoryTooSmall { limit: context.memory_limit, needed }),
         fitting => Ok(context.threads.min(fitting as usize)),
     }
+}
+
+/// Whether a chunk is one position that keeps a leaf's worth of its points. The
+/// rest need not even be read.
+fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
+    options.duplicates != Mode::Keep && u32::from(chunk.node.level) == survey.cube.bits
 }
 
 /// One worker's sampler and buffers.
@@ -137,9 +158,16 @@ impl<'o> Indexer<'o> {
         octree: &OctreeFile,
         number: usize,
         context: &Context,
-    ) -> Result<(Rising, Statistics, u64)> {
+    ) -> Result<Done> {
         let chunk = survey.plan.chunks[number];
-        let parts = &runs.parts[number];
+        let mut parts = runs.parts[number].as_slice();
+        let (kept, mut aside);
+        if is_crowd(survey, self.options, &chunk) {
+            (kept, aside) = set_aside::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate);
+            parts = &kept;
+        } else {
+            aside = Vec::new();
+        }
         if let Some(scratch) = &runs.scratch {
             load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
         }
@@ -151,12 +179,16 @@ impl<'o> Indexer<'o> {
         }
         let writer = NodeWriter::new(survey, self.options.encoding, points);
         let mut builder = Builder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
+        builder.thin_crowds = self.options.duplicates != Mode::Keep;
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
+        builder.aside.sort_unstable();
+        aside.extend(set_aside::ranges(parts, &builder.aside, Reason::Duplicate));
+        let kept_out: u64 = set_aside::tally(&aside).values().sum();
         let writer = builder.emit;
         let mut records = Vec::new();
         let rising = root.items.iter().map(|i| i.index);
         writer.records.gather(rising, root.items.len(), &mut records);
-        if writer.points + root.items.len() as u64 != chunk.points {
+        if writer.points + root.items.len() as u64 + kept_out != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
         let NodeWriter { block, statistics, points, .. } = writer;
@@ -165,8 +197,8 @@ impl<'o> Indexer<'o> {
             has_children: root.has_children,
             records: RisingRecords::Memory(records),
         };
-        let root = hand_in(octree, number, block, root, (&statistics, points), runs.scratch.as_deref())?;
-        Ok((root, statistics, points))
+        let done = Done { root, statistics, points, aside };
+        hand_in(octree, number, block, done, runs.scratch.as_deref())
     }
 }
 
@@ -176,31 +208,32 @@ pub fn hand_in(
     octree: &OctreeFile,
     number: usize,
     block: Block,
-    root: Rising,
-    (statistics, points): (&Statistics, u64),
+    done: Done,
     scratch: Option<&Scratch>,
-) -> Result<Rising> {
-    let (Some(scratch), RisingRecords::Memory(records)) = (scratch, &root.records) else {
+) -> Result<Done> {
+    let (Some(scratch), RisingRecords::Memory(records)) = (scratch, &done.root.records) else {
         octree.submit(number, block, None)?;
-        return Ok(root);
+        return Ok(done);
     };
-    let risen = scratch.keep(root.node, root.has_children, records)?;
+    let risen = scratch.keep(done.root.node, done.root.has_children, records)?;
     let built = Built {
         nodes: block.nodes.clone(),
         bytes: block.bytes.len() as u64,
         at: None,
-        points,
-        statistics: statistics.clone(),
+        points: done.points,
+        statistics: done.statistics.clone(),
         root: risen,
+        aside: done.aside.clone(),
     };
     octree.submit(number, block, Some(built))?;
-    Ok(risen.into())
+    Ok(Done { root: risen.into(), ..done })
 }
 
 /// Hands in what an earlier run built.
-pub fn resubmit(octree: &OctreeFile, number: usize, built: &Built) -> Result<(Rising, Statistics, u64)> {
+pub fn resubmit(octree: &OctreeFile, number: usize, built: &Built) -> Result<Done> {
     octree.submit_again(number, built)?;
-    Ok((built.root.into(), built.statistics.clone(), built.points))
+    let (root, statistics) = (built.root.into(), built.statistics.clone());
+    Ok(Done { root, statistics, points: built.points, aside: built.aside.clone() })
 }
 
 /// Reads a chunk's parts of all runs, one behind the other.

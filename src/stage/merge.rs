@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::index::{self, Indexed, Rising, RisingRecords};
+use super::index::{self, Done, Indexed, Rising, RisingRecords};
 use super::nodes::{NodeWriter, PlainRecords};
 use super::options::Options;
 use super::output::OctreeFile;
@@ -46,7 +46,7 @@ pub fn merge(
     let (mut statistics, mut points) = (indexed.statistics, indexed.points);
 
     let (subtrees, mut top) = cut(indexed.rising);
-    let merged: Vec<Mutex<Option<Merged>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
+    let merged: Vec<Mutex<Option<Done>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
         subtrees.len(),
@@ -74,7 +74,7 @@ pub fn merge(
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let (root, counted, more) = subtree;
+        let Done { root, statistics: counted, points: more, .. } = subtree;
         statistics.merge(&counted);
         points += more;
         top.insert(root.node, root);
@@ -127,9 +127,6 @@ fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
     (subtrees.into_iter().map(|(node, roots)| (node, Mutex::new(roots))).collect(), top)
 }
 
-/// A merged subtree: its root, and what was counted in the nodes written.
-type Merged = (Rising, Statistics, u64);
-
 struct Merger<'a> {
     survey: &'a Survey,
     context: &'a Context,
@@ -175,14 +172,14 @@ impl<'a> Merger<'a> {
     }
 
     /// Merges all below a node, and hands it in.
-    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, number: usize) -> Result<Merged> {
+    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, number: usize) -> Result<Done> {
         let root = self.grow(node)?;
         let Grown { node, has_children, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
         let NodeWriter { block, statistics, points, .. } = self.writer;
         let root = Rising { node, has_children, records: RisingRecords::Memory(records) };
-        let root = index::hand_in(octree, number, block, root, (&statistics, points), self.scratch)?;
-        Ok((root, statistics, points))
+        let done = Done { root, statistics, points, aside: Vec::new() };
+        index::hand_in(octree, number, block, done, self.scratch)
     }
 
     fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {

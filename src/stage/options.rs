@@ -25,12 +25,29 @@ pub enum Encoding {
     Brotli,
 }
 
+/// What becomes of points that a guard finds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// They go into the octree like all others.
+    Keep,
+    /// They are written to `set-aside.laz` beside the octree.
+    #[default]
+    SetAside,
+    /// They are counted and left out.
+    Drop,
+}
+
 /// What changes the octree's bytes. Threads, memory and folders do not.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Options {
     pub sampling: Sampling,
     pub encoding: Encoding,
+    /// Few points so far away that the cube would be made for them.
+    pub outliers: Mode,
+    /// Points at one position beyond a leaf's worth.
+    pub duplicates: Mode,
     /// Attributes to keep by name; all where empty. `position` always stays.
     pub attributes: Vec<String>,
     /// The octree's name in its metadata; where none is given, from the input.

@@ -28,6 +28,8 @@ pub struct Octree<'a> {
     /// Length of octree.bin, in bytes.
     pub length: u64,
     pub statistics: &'a Statistics,
+    /// Points that were kept out of it.
+    pub aside: u64,
 }
 
 /// Checks the sums and writes the small files: all that is missing then is the
@@ -65,9 +67,11 @@ pub fn complete(
 fn check_sums(octree: &Octree) -> Result<()> {
     let points: u64 = octree.nodes.iter().map(|n| u64::from(n.points)).sum();
     let bytes: u64 = octree.nodes.iter().map(|n| n.size).sum();
-    if points != octree.survey.points {
-        let expected = octree.survey.points;
-        return Err(StageError::Inconsistent(format!("{points} of {expected} points are in nodes")));
+    if points + octree.aside != octree.survey.points {
+        let (expected, aside) = (octree.survey.points, octree.aside);
+        return Err(StageError::Inconsistent(format!(
+            "{points} of {expected} points are in nodes and {aside} are set aside"
+        )));
     }
     if bytes != octree.length {
         return Err(StageError::Inconsistent(format!(
@@ -95,7 +99,7 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
         version: "2.0".into(),
         name: options.name.clone().unwrap_or_else(from_folder),
         description: String::new(),
-        points: survey.points,
+        points: survey.points - octree.aside,
         projection: survey.projection.clone(),
         hierarchy: HierarchyEntry {
             first_chunk_size: hierarchy.first_chunk_size,

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::counting::Findings;
 use super::output::NodeEntry;
+use super::set_aside::Range;
 use crate::cloud::node::NodeKey;
 use crate::cloud::statistics::Statistics;
 
@@ -63,6 +64,8 @@ pub struct Built {
     pub statistics: Statistics,
     /// Its topmost node, which waits for the levels above.
     pub root: Risen,
+    /// What was kept out of the octree.
+    pub aside: Vec<Range>,
 }
 
 /// A node whose points lie in the scratch until its parent has chosen from them.

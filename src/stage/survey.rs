@@ -14,6 +14,7 @@ use super::counting::{Base, Counter, Findings};
 use super::error::{Result, StageError};
 use super::options::Options;
 use super::receipt::{self, Identity};
+use super::region::Region;
 use super::scratch::Scratch;
 use super::workers;
 use crate::cloud::cube::Cube;
@@ -69,7 +70,10 @@ pub struct Opened {
 pub struct Survey {
     pub inputs: Vec<Input>,
     pub units: Vec<Unit>,
+    /// All of the inputs' points.
     pub points: u64,
+    /// Which of them go into the octree, but for crowds.
+    pub region: Region,
     pub lattice: Lattice,
     pub cube: Cube,
     pub unified: Unified,
@@ -140,8 +144,17 @@ pub fn survey(
         })
         .collect();
     context.progress.begin(Stage::Survey, points);
-    let counter = Counter { files: &files, units: &units, keep: in_core, scratch, context, passes: 0 };
-    let (Findings { found, census, passes, notes: more }, base) = counter.findings(points)?;
+    let counter = Counter {
+        files: &files,
+        units: &units,
+        keep: in_core,
+        scratch,
+        context,
+        guard: options.outliers,
+        region: Region::default(),
+        passes: 0,
+    };
+    let (Findings { found, census, region, passes, notes: more }, base) = counter.findings(points)?;
     notes.extend(more);
     let limit = plan::chunk_limit(points);
 
@@ -160,7 +173,20 @@ pub fn survey(
         .map(|((las, source), requantise)| Input { las, source, requantise })
         .collect();
     let plan = Plan::new(census, limit);
-    Ok(Survey { inputs, units, points, lattice, cube, unified, plan, projection, in_core, passes, notes })
+    Ok(Survey {
+        inputs,
+        units,
+        points,
+        region,
+        lattice,
+        cube,
+        unified,
+        plan,
+        projection,
+        in_core,
+        passes,
+        notes,
+    })
 }
 
 /// Opens all files; those without points are left out.

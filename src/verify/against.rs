@@ -66,28 +66,49 @@ pub fn compare(
     let record_size = octree.schema.record_size();
     let found =
         inputs::fold(files, octree, Inputs::default, |i, block| i.add(block, record_size), Inputs::merge)?;
-    let difference = Difference::find(octree, files, &found.sum.differing(sum), memory_limit)?;
+    // What lies beside the octree is not missing from it.
+    let aside = inputs::fold(
+        &octree.set_aside,
+        octree,
+        Inputs::default,
+        |i, block| i.add(block, record_size),
+        Inputs::merge,
+    )?;
+    let mut there = sum.clone();
+    there.merge(&aside.sum);
+    let difference = Difference::find(octree, files, &found.sum.differing(&there), memory_limit)?;
     let examples = difference.examples(octree, files)?;
     let left_out = octree.metadata.generator.as_ref().map_or(&[][..], |generator| &generator.left_out);
     Ok(Comparison {
         files: files.len() as u64,
         points: found.sum.count(),
+        set_aside: aside.sum.count(),
         missing: difference.missing,
         extra: difference.extra,
         position: found.position,
         left_out: left_out.to_vec(),
         checks: vec![
-            points(octree, &found, &difference, examples),
-            positions(&found),
+            points(octree, &found, aside.sum.count(), &difference, examples),
+            positions(&found, aside.unreachable),
             attributes(octree, &found, left_out),
         ],
     })
 }
 
-fn points(octree: &Octree, found: &Inputs, difference: &Difference, examples: Vec<String>) -> Check {
+fn points(
+    octree: &Octree,
+    found: &Inputs,
+    aside: u64,
+    difference: &Difference,
+    examples: Vec<String>,
+) -> Check {
     let attributes = octree.schema.attributes.len();
+    let set_aside = match aside {
+        0 => String::new(),
+        count => format!(", {} of them set aside", grouped(count)),
+    };
     let summary = format!(
-        "{} missing, {} extra, of {} points with {attributes} attributes",
+        "{} missing, {} extra, of {} points with {attributes} attributes{set_aside}",
         grouped(difference.missing),
         grouped(difference.extra),
         grouped(found.sum.count())
@@ -98,10 +119,11 @@ fn points(octree: &Octree, found: &Inputs, difference: &Difference, examples: Ve
     }
 }
 
-fn positions(found: &Inputs) -> Check {
+fn positions(found: &Inputs, aside: u64) -> Check {
     let PositionError { world, octree_units, input_units } = found.position;
-    if found.unreachable > 0 {
-        let count = found.unreachable;
+    // Outliers that were set aside may lie beyond it.
+    if found.unreachable > aside {
+        let count = found.unreachable - aside;
         let text = format!("{} coordinates are beyond what the octree's lattice reaches", grouped(count));
         return Check { count, ..Check::wrong("positions", text) };
     }
@@ -171,6 +193,7 @@ impl Difference {
         for buckets in passes(differing, memory_limit / BYTES_PER_HASH) {
             let mut inputs = hashes_of_inputs(octree, files, &buckets)?;
             let mut nodes = hashes_of_octree(octree, &buckets);
+            nodes.extend(hashes_of_inputs(octree, &octree.set_aside, &buckets)?);
             inputs.par_sort_unstable();
             nodes.par_sort_unstable();
             difference.count(&inputs, &nodes);

@@ -4,7 +4,7 @@
 
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::cloud::attribute::Schema;
 use crate::format::potree::{self, Encoding, Metadata, Node, PotreeError};
@@ -21,7 +21,25 @@ pub struct Octree {
     pub oddities: Vec<potree::hierarchy::Oddity>,
     /// Size of octree.bin.
     pub bytes: u64,
+    /// LAS files beside it with the points that were kept out of it.
+    pub set_aside: Vec<PathBuf>,
     file: File,
+}
+
+/// `set-aside.laz` and its kind in an octree's folder, sorted.
+fn set_aside(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| {
+            let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase());
+            name.is_some_and(|name| {
+                name.starts_with("set-aside") && (name.ends_with(".las") || name.ends_with(".laz"))
+            })
+        })
+        .collect();
+    files.sort();
+    files
 }
 
 /// How far an octree could be opened.
@@ -55,7 +73,8 @@ impl Octree {
             potree::hierarchy::inspect_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
         let file = File::open(folder.join(potree::OCTREE)).map_err(read(potree::OCTREE))?;
         let bytes = file.metadata().map_err(read(potree::OCTREE))?.len();
-        Ok(Octree { metadata: metadata.clone(), schema, nodes, oddities, bytes, file })
+        let set_aside = set_aside(folder);
+        Ok(Octree { metadata: metadata.clone(), schema, nodes, oddities, bytes, set_aside, file })
     }
 
     /// Whether a node's bytes lie in octree.bin and can be as many points.

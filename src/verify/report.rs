@@ -57,6 +57,8 @@ pub struct Comparison {
     pub files: u64,
     /// Points of the files.
     pub points: u64,
+    /// Points that lie beside the octree.
+    pub set_aside: u64,
     /// Points of the files that the octree lacks, and points of the octree that
     /// the files lack; each counted as often as it is there too much.
     pub missing: u64,

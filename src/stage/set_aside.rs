@@ -1,0 +1,266 @@
+//! What is set aside: points that a guard keeps out of the octree, written as LAS
+//! beside it, with all their attributes and a reason. Input = octree + set
+//! aside, to the last point.
+//!
+//! Until they are written they are only ranges of records in the runs, so that a
+//! crowd of forty million costs no memory.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::context::Context;
+use super::distribute::{Part, Place, Runs};
+use super::error::{Result, StageError};
+use super::options::{Mode, Options};
+use super::survey::{Input, Survey};
+use crate::cloud::attribute::{ExtraField, Scalar};
+use crate::format::las::{CrsSource, LasOptions, LasWriter};
+
+/// The file's name; where inputs differ in their layout, each layout gets one,
+/// the second `set-aside-2.laz`.
+pub const STEM: &str = "set-aside";
+
+/// The extra field that holds the reason.
+pub const REASON: &str = "set aside";
+
+/// Why a point is not in the octree. The numbers stand in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u8)]
+pub enum Reason {
+    Outlier = 1,
+    Duplicate = 2,
+}
+
+impl Reason {
+    pub const ALL: [Reason; 2] = [Reason::Outlier, Reason::Duplicate];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Reason::Outlier => "outlier",
+            Reason::Duplicate => "duplicate",
+        }
+    }
+
+    fn mode(self, options: &Options) -> Mode {
+        match self {
+            Reason::Outlier => options.outliers,
+            Reason::Duplicate => options.duplicates,
+        }
+    }
+}
+
+/// Consecutive records of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Range {
+    pub run: u32,
+    pub first: u32,
+    pub points: u32,
+    pub reason: Reason,
+}
+
+/// Ranges of what stands at `indices` (ascending) among the points of a chunk's
+/// parts.
+pub fn ranges(parts: &[Part], indices: &[u32], reason: Reason) -> Vec<Range> {
+    let mut ranges: Vec<Range> = Vec::new();
+    let (mut part, mut before) = (0, 0u32);
+    for index in indices {
+        while index - before >= parts[part].points {
+            before += parts[part].points;
+            part += 1;
+        }
+        let at = Part { first: parts[part].first + (index - before), points: 1, ..parts[part] };
+        match ranges.last_mut() {
+            Some(last) if last.run == at.run && last.first + last.points == at.first => last.points += 1,
+            _ => ranges.push(Range { run: at.run, first: at.first, points: 1, reason }),
+        }
+    }
+    ranges
+}
+
+/// What lies behind the first `keep` points of a chunk's parts.
+pub fn behind(parts: &[Part], keep: u32, reason: Reason) -> (Vec<Part>, Vec<Range>) {
+    let (mut kept, mut behind) = (Vec::new(), Vec::new());
+    let mut left = keep;
+    for part in parts {
+        let here = part.points.min(left);
+        left -= here;
+        if here > 0 {
+            kept.push(Part { points: here, ..*part });
+        }
+        if here < part.points {
+            let (first, points) = (part.first + here, part.points - here);
+            behind.push(Range { run: part.run, first, points, reason });
+        }
+    }
+    (kept, behind)
+}
+
+/// Points by reason.
+pub fn tally(ranges: &[Range]) -> BTreeMap<Reason, u64> {
+    let mut tally = BTreeMap::new();
+    for range in ranges {
+        *tally.entry(range.reason).or_default() += u64::from(range.points);
+    }
+    tally
+}
+
+/// Writes what is to be set aside into the octree's folder; gives the names of
+/// the files.
+pub fn write(
+    survey: &Survey,
+    runs: &Runs,
+    ranges: &[Range],
+    options: &Options,
+    folder: &Path,
+    context: &Context,
+) -> Result<Vec<String>> {
+    let written: Vec<Range> =
+        ranges.iter().copied().filter(|range| range.reason.mode(options) == Mode::SetAside).collect();
+    let mut layouts: Vec<&Input> = Vec::new();
+    for range in &written {
+        let input = input_of(survey, runs, range);
+        if !layouts.iter().any(|other| same_layout(other, input)) {
+            layouts.push(input);
+        }
+    }
+    let mut names = Vec::new();
+    for (layout, number) in layouts.into_iter().zip(1..) {
+        let extension = if is_compressible(layout.source.format) { "laz" } else { "las" };
+        let name = match number {
+            1 => format!("{STEM}.{extension}"),
+            _ => format!("{STEM}-{number}.{extension}"),
+        };
+        let path = folder.join(&name);
+        let mut writer = LasWriter::create_on(&context.disk, &path, &las_options(layout))?;
+        for range in written.iter().filter(|range| same_layout(layout, input_of(survey, runs, range))) {
+            append(&mut writer, layout.source.record_length, runs, range, context)?;
+        }
+        writer.finish()?;
+        context.disk.sync_file(&path)?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
+fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &Range) -> &'s Input {
+    &survey.inputs[runs.runs[range.run as usize].input]
+}
+
+/// Whether records of two inputs can stand in one file.
+fn same_layout(a: &Input, b: &Input) -> bool {
+    let (x, y) = (a.las.header(), b.las.header());
+    a.source == b.source && x.scale == y.scale && x.offset == y.offset
+}
+
+/// Nobody compresses waveform packets.
+fn is_compressible(format: u8) -> bool {
+    !matches!(format, 4 | 5 | 9 | 10)
+}
+
+fn las_options(input: &Input) -> LasOptions {
+    let header = input.las.header();
+    let mut extra = header.extra.clone();
+    // A file of points that were set aside may be converted in its turn.
+    let taken = |name: &str| extra.iter().any(|field| field.name == name);
+    let name = match taken(REASON) {
+        false => REASON.to_string(),
+        true => (2..).map(|n| format!("{REASON} {n}")).find(|name| !taken(name)).unwrap_or_default(),
+    };
+    extra.push(ExtraField {
+        name,
+        description: "1 outlier, 2 duplicate".into(),
+        scalar: Scalar::U8,
+        elements: 1,
+        position: header.record_length,
+        scale: Vec::new(),
+        offset: Vec::new(),
+    });
+    LasOptions {
+        version: (1, 4),
+        point_format: header.point_format,
+        scale: header.scale,
+        offset: header.offset,
+        compressed: is_compressible(header.point_format),
+        extra,
+        crs_wkt: header.crs.iter().find(|crs| crs.source == CrsSource::Wkt).map(|crs| crs.text.clone()),
+        software: concat!("lodestone ", env!("CARGO_PKG_VERSION")).into(),
+    }
+}
+
+/// Records that are copied at once.
+const BLOCK: u32 = 1 << 16;
+
+fn append(
+    writer: &mut LasWriter,
+    length: usize,
+    runs: &Runs,
+    range: &Range,
+    context: &Context,
+) -> Result<()> {
+    let mut buffer = Vec::new();
+    let mut records = Vec::new();
+    let mut done = 0;
+    while done < range.points {
+        if context.cancel.is_cancelled() {
+            return Err(StageError::Cancelled);
+        }
+        let points = BLOCK.min(range.points - done) as usize;
+        let start = (range.first + done) as usize * length;
+        let raw = match (&runs.runs[range.run as usize].place, &runs.scratch) {
+            (Place::Memory(bytes), _) => &bytes[start..start + points * length],
+            (Place::Scratch(at), Some(scratch)) => {
+                buffer.resize(points * length, 0);
+                scratch.runs.read_exact_at(&mut buffer, at + start as u64)?;
+                &buffer
+            }
+            (Place::Scratch(_), None) => {
+                return Err(StageError::Inconsistent(format!("run {} is nowhere", range.run)));
+            }
+        };
+        records.clear();
+        for record in raw.chunks_exact(length) {
+            records.extend_from_slice(record);
+            records.push(range.reason as u8);
+        }
+        writer.write(&records)?;
+        done += points as u32;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARTS: [Part; 3] = [
+        Part { run: 0, first: 5, points: 3 },
+        Part { run: 2, first: 0, points: 1 },
+        Part { run: 3, first: 9, points: 4 },
+    ];
+
+    fn range(run: u32, first: u32, points: u32) -> Range {
+        Range { run, first, points, reason: Reason::Duplicate }
+    }
+
+    #[test]
+    fn indices_become_ranges_of_their_runs() {
+        assert_eq!(
+            ranges(&PARTS, &[0, 1, 2, 3, 5, 7], Reason::Duplicate),
+            [range(0, 5, 3), range(2, 0, 1), range(3, 10, 1), range(3, 12, 1)]
+        );
+    }
+
+    #[test]
+    fn what_is_kept_and_what_lies_behind_are_all() {
+        for keep in 0..=8 {
+            let (kept, rest) = behind(&PARTS, keep, Reason::Duplicate);
+            let kept: u32 = kept.iter().map(|p| p.points).sum();
+            let rest: u32 = rest.iter().map(|r| r.points).sum();
+            assert_eq!((kept, rest), (keep, 8 - keep));
+        }
+        assert_eq!(behind(&PARTS, 2, Reason::Duplicate).1[0], range(0, 7, 1));
+    }
+}
