@@ -6,7 +6,8 @@
 //! A node is divided exactly where it holds more points than a leaf may, so the
 //! tree's shape does not depend on how the cloud was cut into chunks. Recursion
 //! always ends: at the cube's deepest level a node is one position, and a leaf
-//! whatever it holds.
+//! whatever it holds. A crowd there may be thinned to a leaf's worth; then it is
+//! joined with the leaves around it, so that no chain of levels leads down to it.
 
 use super::sampler::{Item, Sampler};
 use super::thin::Thinner;
@@ -62,12 +63,31 @@ struct Grown<'a> {
     node: NodeKey,
     set: Set<'a>,
     has_children: bool,
+    /// Whether it is the leaf of a crowd that was thinned.
+    crowded: bool,
 }
 
 /// What a chunk's root holds before the levels above have sampled it.
 pub struct Root {
     pub items: Vec<Item>,
     pub has_children: bool,
+    pub crowded: bool,
+}
+
+/// Whether leaves become one leaf: where a crowd was thinned, a chain of levels
+/// led down to its position, one around the other, and what is left of it is no
+/// reason for them any more. `children` are points, whether there are nodes
+/// below, whether it is crowded.
+pub fn is_hollow(leaf_limit: usize, children: impl Iterator<Item = (usize, bool, bool)>) -> bool {
+    let (mut points, mut crowded) = (0, false);
+    for (own, has_children, is_crowded) in children {
+        if has_children {
+            return false;
+        }
+        points += own;
+        crowded |= is_crowded;
+    }
+    crowded && points <= 2 * leaf_limit
 }
 
 impl<'s, E: Emit> Builder<'s, E> {
@@ -93,7 +113,7 @@ impl<'s, E: Emit> Builder<'s, E> {
             Set::Sampled(items) => items,
             Set::Sorted(_) => grown.set.items().to_vec(),
         };
-        Ok(Root { items, has_children: grown.has_children })
+        Ok(Root { items, has_children: grown.has_children, crowded: grown.crowded })
     }
 
     fn is_leaf(&self, node: NodeKey, points: usize) -> bool {
@@ -121,7 +141,7 @@ impl<'s, E: Emit> Builder<'s, E> {
         // The sort is stable: what came first stays.
         let (items, aside) = items.split_at_mut(kept);
         self.aside.extend(aside.iter().map(|item| item.index));
-        Grown { node, set: Set::Sorted(items), has_children: false }
+        Grown { node, set: Set::Sorted(items), has_children: false, crowded: !aside.is_empty() }
     }
 
     /// How many levels to divide at once: a surface loses three quarters of a
@@ -166,6 +186,11 @@ impl<'s, E: Emit> Builder<'s, E> {
 
     /// Samples a node from its children, which are then final.
     fn sample<'a>(&mut self, node: NodeKey, mut children: Vec<Grown<'a>>) -> Result<Grown<'a>, E::Error> {
+        let leaves = children.iter_mut().map(|c| (c.set.items().len(), c.has_children, c.crowded));
+        if is_hollow(self.leaf_limit, leaves) {
+            let items = children.iter_mut().flat_map(|c| c.set.items().iter().copied()).collect();
+            return Ok(Grown { node, set: Set::Sampled(items), has_children: false, crowded: true });
+        }
         let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
         let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
@@ -184,7 +209,7 @@ impl<'s, E: Emit> Builder<'s, E> {
                 self.emit.node(child.node, frame, &child.set.items()[..kept])?;
             }
         }
-        Ok(Grown { node, set: Set::Sampled(accepted), has_children })
+        Ok(Grown { node, set: Set::Sampled(accepted), has_children, crowded: false })
     }
 }
 

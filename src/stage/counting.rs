@@ -218,9 +218,6 @@ impl Counter<'_> {
 
     fn count_again(&mut self, counting: &Counting) -> Result<()> {
         self.passes += 1;
-        self.context
-            .progress
-            .begin(Stage::Survey, self.units.iter().map(|u| u64::from(u.slice.points)).sum());
         self.each_unit(|unit, records| {
             let las = &self.files[unit.input];
             let requantise = &counting.base.requantise[unit.input];
@@ -242,6 +239,8 @@ impl Counter<'_> {
 
     fn each_unit(&self, work: impl Fn(&Unit, &[u8]) -> Result<()> + Sync) -> Result<()> {
         let context = self.context;
+        let points = self.units.iter().map(|u| u64::from(u.slice.points)).sum();
+        context.progress.begin(Stage::Survey, points);
         workers::in_order(context.threads, self.units.len(), &context.cancel, Vec::new, |buffer, i| {
             let unit = &self.units[i];
             let las = &self.files[unit.input];

@@ -28,6 +28,8 @@ use crate::lod::tree::{Builder, LEAF_LIMIT};
 pub struct Rising {
     pub node: NodeKey,
     pub has_children: bool,
+    /// Whether it is the leaf of a crowd that was thinned.
+    pub crowded: bool,
     pub records: RisingRecords,
 }
 
@@ -49,8 +51,8 @@ impl Rising {
 
 impl From<Risen> for Rising {
     fn from(risen: Risen) -> Rising {
-        let Risen { node, has_children, .. } = risen;
-        Rising { node, has_children, records: RisingRecords::Scratch(risen) }
+        let Risen { node, has_children, crowded, .. } = risen;
+        Rising { node, has_children, crowded, records: RisingRecords::Scratch(risen) }
     }
 }
 
@@ -195,6 +197,8 @@ impl<'o> Indexer<'o> {
         let root = Rising {
             node: chunk.node,
             has_children: root.has_children,
+            // Of a crowd that is a chunk of its own, only a part was looked at.
+            crowded: root.crowded || (!root.has_children && !aside.is_empty()),
             records: RisingRecords::Memory(records),
         };
         let done = Done { root, statistics, points, aside };
@@ -215,7 +219,8 @@ pub fn hand_in(
         octree.submit(number, block, None)?;
         return Ok(done);
     };
-    let risen = scratch.keep(done.root.node, done.root.has_children, records)?;
+    let Rising { node, has_children, crowded, .. } = done.root;
+    let risen = scratch.keep(Risen { node, has_children, crowded, offset: 0, bytes: 0 }, records)?;
     let built = Built {
         nodes: block.nodes.clone(),
         bytes: block.bytes.len() as u64,

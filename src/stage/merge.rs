@@ -22,7 +22,7 @@ use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
 use crate::lod::thin::Thinner;
-use crate::lod::tree::{Emit, move_taken};
+use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 
 /// Level whose nodes' subtrees are merged side by side: up to 64, of which a
 /// flat country fills 16.
@@ -143,6 +143,7 @@ struct Merger<'a> {
 struct Grown {
     node: NodeKey,
     has_children: bool,
+    crowded: bool,
     records: Vec<u8>,
     items: Vec<Item>,
 }
@@ -174,10 +175,10 @@ impl<'a> Merger<'a> {
     /// Merges all below a node, and hands it in.
     fn subtree(mut self, node: NodeKey, octree: &OctreeFile, number: usize) -> Result<Done> {
         let root = self.grow(node)?;
-        let Grown { node, has_children, records, .. } =
+        let Grown { node, has_children, crowded, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
         let NodeWriter { block, statistics, points, .. } = self.writer;
-        let root = Rising { node, has_children, records: RisingRecords::Memory(records) };
+        let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
         let done = Done { root, statistics, points, aside: Vec::new() };
         index::hand_in(octree, number, block, done, self.scratch)
     }
@@ -186,7 +187,7 @@ impl<'a> Merger<'a> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        if let Some(Rising { has_children, records, .. }) = self.roots.remove(&node) {
+        if let Some(Rising { has_children, crowded, records, .. }) = self.roots.remove(&node) {
             let records = match (records, self.scratch) {
                 (RisingRecords::Memory(records), _) => records,
                 (RisingRecords::Scratch(risen), Some(scratch)) => scratch.fetch(&risen)?,
@@ -195,7 +196,7 @@ impl<'a> Merger<'a> {
                 }
             };
             let items = self.items(&records);
-            return Ok(Some(Grown { node, has_children, records, items }));
+            return Ok(Some(Grown { node, has_children, crowded, records, items }));
         }
         if !self.above.contains(&node) {
             return Ok(None);
@@ -214,6 +215,12 @@ impl<'a> Merger<'a> {
     }
 
     fn sample(&mut self, node: NodeKey, mut children: Vec<Grown>) -> Result<Grown> {
+        let leaves = children.iter().map(|c| (c.items.len(), c.has_children, c.crowded));
+        if is_hollow(LEAF_LIMIT, leaves) {
+            let records = children.into_iter().flat_map(|c| c.records).collect::<Vec<u8>>();
+            let items = self.items(&records);
+            return Ok(Grown { node, has_children: false, crowded: true, records, items });
+        }
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
         let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
@@ -234,7 +241,7 @@ impl<'a> Merger<'a> {
         children.retain(|c| !c.items.is_empty() || c.has_children);
         let has_children = !children.is_empty();
         self.write(children)?;
-        Ok(Grown { node, has_children, records, items })
+        Ok(Grown { node, has_children, crowded: false, records, items })
     }
 
     /// Writes nodes that are final.

@@ -73,6 +73,7 @@ pub struct Built {
 pub struct Risen {
     pub node: NodeKey,
     pub has_children: bool,
+    pub crowded: bool,
     /// Place and length of its records, in bytes.
     pub offset: u64,
     pub bytes: u64,

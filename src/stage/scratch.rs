@@ -16,7 +16,6 @@ use super::counting::Findings;
 use super::error::{Result, StageError};
 use super::journal::{self, Journal};
 use super::receipt::{Built, Ends, Identity, Past, Receipt, Risen};
-use crate::cloud::node::NodeKey;
 use crate::disk::{DirLock, Disk, DiskFile};
 
 const JOURNAL: &str = "journal";
@@ -172,11 +171,11 @@ impl Scratch {
         }
     }
 
-    /// Keeps the records of a node until the merge.
-    pub fn keep(&self, node: NodeKey, has_children: bool, records: &[u8]) -> Result<Risen> {
+    /// Keeps the records of a node until the merge; fills in where.
+    pub fn keep(&self, node: Risen, records: &[u8]) -> Result<Risen> {
         let offset = self.risen_end.fetch_add(records.len() as u64, Ordering::Relaxed);
         self.risen.write_all_at(records, offset)?;
-        Ok(Risen { node, has_children, offset, bytes: records.len() as u64 })
+        Ok(Risen { offset, bytes: records.len() as u64, ..node })
     }
 
     /// The records of a node that was kept.

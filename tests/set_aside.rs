@@ -1,0 +1,187 @@
+//! What guards keep out of the octree lies beside it, with all it has, and the
+//! two together are the input.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::{context, octree_bytes, options_of, request, surface, write_las};
+use lodestone::engine::conduct::{self, Outcome};
+use lodestone::format::las::{LasFile, record_length};
+use lodestone::format::potree::Metadata;
+use lodestone::lod::tree::LEAF_LIMIT;
+use lodestone::stage::options::{Mode, Options};
+use lodestone::stage::set_aside::Reason;
+use lodestone::verify;
+
+const IN_CORE: u64 = 2 << 30;
+const OUT_OF_CORE: u64 = 45 << 20;
+
+fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> Outcome {
+    let _ = fs::remove_dir_all(output);
+    let inputs = [input.to_path_buf()];
+    let folder = output.parent().unwrap();
+    conduct::convert(&request(&inputs, output, options), &context(folder, 2, memory)).unwrap()
+}
+
+/// Holds octree and set-aside files against the input.
+fn verified(output: &Path, input: &Path, set_aside: u64) {
+    let report = verify::verify(&verify::Request {
+        octree: output.to_path_buf(),
+        against: vec![input.to_path_buf()],
+        memory_limit: 1 << 30,
+        spacing: verify::Spacing::Auto,
+    })
+    .unwrap();
+    assert!(report.ok, "{report}");
+    let against = report.against.unwrap();
+    assert_eq!((against.missing, against.extra, against.set_aside), (0, 0, set_aside));
+}
+
+/// Moves the last `count` of some records to what `place` says.
+fn moved(mut records: Vec<u8>, length: usize, count: usize, place: impl Fn(usize) -> [i32; 3]) -> Vec<u8> {
+    let first = records.len() / length - count;
+    for i in 0..count {
+        let record = &mut records[(first + i) * length..];
+        for (axis, c) in place(i).into_iter().enumerate() {
+            record[4 * axis..4 * axis + 4].copy_from_slice(&c.to_le_bytes());
+        }
+    }
+    records
+}
+
+fn reasons(file: &Path) -> Vec<u8> {
+    let file = LasFile::open(file).unwrap();
+    let mut all = Vec::new();
+    for slice in file.slices(1 << 20) {
+        let mut records = Vec::new();
+        file.read(slice, &mut records).unwrap();
+        let length = file.header().record_length;
+        all.extend(records.chunks_exact(length).map(|record| record[length - 1]));
+    }
+    all
+}
+
+fn depth(output: &Path) -> u32 {
+    Metadata::read(output).unwrap().hierarchy.depth
+}
+
+/// MEASURES.md: six outliers make PotreeConverter coarsen the scale of all.
+#[test]
+fn six_outliers_cost_no_level_no_scale_and_no_point() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let length = record_length(3).unwrap();
+    let records = surface(3, 300_000, 1);
+    write_las(&at("without.las"), &options_of(3, false), &records);
+    let far = |i: usize| [i as i32 * 300_000_000 - 900_000_000, 2_000_000_000 - i as i32, -1_000_000_000];
+    write_las(&at("with.laz"), &options_of(3, true), &moved(records, length, 6, far));
+    convert(&at("without.las"), &at("expected"), &Options::default(), IN_CORE);
+    let mut first = None;
+    for memory in [IN_CORE, OUT_OF_CORE] {
+        let outcome = convert(&at("with.laz"), &at("octree"), &Options::default(), memory);
+        assert_eq!(outcome.set_aside.get(&Reason::Outlier), Some(&6), "{outcome:?}");
+        assert!(outcome.notes.iter().any(|note| note.contains("6 of 300000 points")), "{:?}", outcome.notes);
+        assert_eq!(depth(&at("octree")), depth(&at("expected")));
+        assert_eq!(reasons(&at("octree/set-aside.laz")), [1; 6]);
+        verified(&at("octree"), &at("with.laz"), 6);
+        let bytes = (octree_bytes(&at("octree")), fs::read(at("octree/set-aside.laz")).unwrap());
+        assert!(first.get_or_insert_with(|| bytes.clone()) == &bytes);
+    }
+    let keep = Options { outliers: Mode::Keep, ..Options::default() };
+    let outcome = convert(&at("with.laz"), &at("octree"), &keep, IN_CORE);
+    assert_eq!((outcome.points_set_aside, outcome.points_out), (0, 300_000));
+    assert!(depth(&at("octree")) > depth(&at("expected")) + 8, "the levels that the guard saves");
+    verified(&at("octree"), &at("with.laz"), 0);
+}
+
+/// PC#437, PC#438, PC#442: duplicate points never end, or are lost.
+#[test]
+fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let length = record_length(1).unwrap();
+    write_las(&at("plain.las"), &options_of(1, false), &surface(1, 300_000, 1));
+    convert(&at("plain.las"), &at("plain"), &Options::default(), IN_CORE);
+    // Just at the limit, just above it, more than a chunk.
+    for crowd in [LEAF_LIMIT, LEAF_LIMIT + 1, 3 * LEAF_LIMIT, 250_000] {
+        let input = at("crowd.las");
+        let records = moved(surface(1, 300_000 + crowd as u64, 1), length, crowd, |_| [150_00, 150_00, 700]);
+        write_las(&input, &options_of(1, false), &records);
+        let mut first = None;
+        for memory in [IN_CORE, OUT_OF_CORE] {
+            let outcome = convert(&input, &at("octree"), &Options::default(), memory);
+            let aside = outcome.points_set_aside as usize;
+            // One of the surface's points may lie there, too.
+            assert!((crowd - LEAF_LIMIT..=crowd - LEAF_LIMIT + 1).contains(&aside), "{crowd}: {aside}");
+            assert_eq!(outcome.set_aside.keys().copied().find(|reason| *reason != Reason::Duplicate), None);
+            verified(&at("octree"), &input, aside as u64);
+            if aside > 0 {
+                assert!(depth(&at("octree")) <= depth(&at("plain")) + 1, "{crowd}: {}", depth(&at("octree")));
+                assert_eq!(reasons(&at("octree/set-aside.laz")), vec![2; aside]);
+            }
+            let bytes = octree_bytes(&at("octree"));
+            assert!(first.get_or_insert_with(|| bytes.clone()) == &bytes);
+        }
+    }
+    let input = at("crowd.las");
+    let keep = Options { duplicates: Mode::Keep, ..Options::default() };
+    let outcome = convert(&input, &at("octree"), &keep, IN_CORE);
+    assert_eq!(outcome.points_set_aside, 0);
+    verified(&at("octree"), &input, 0);
+    let drop = Options { duplicates: Mode::Drop, ..Options::default() };
+    let outcome = convert(&input, &at("octree"), &drop, IN_CORE);
+    assert_eq!(outcome.points_in, outcome.points_out + outcome.points_set_aside);
+    assert!(outcome.points_set_aside > 0 && !at("octree/set-aside.laz").exists());
+}
+
+#[test]
+fn files_of_different_layouts_have_what_is_set_aside_in_files_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let tiles = folder.path().join("tiles");
+    fs::create_dir(&tiles).unwrap();
+    for (format, compressed) in [(1, true), (6, true), (4, false)] {
+        let length = record_length(format).unwrap();
+        let records = moved(surface(format, 30_000, 7), length, 15_000, |_| [9_000, 9_000, 900]);
+        write_las(&tiles.join(format!("{format}.las")), &options_of(format, compressed), &records);
+    }
+    let output = folder.path().join("octree");
+    let outcome = convert(&tiles, &output, &Options::default(), IN_CORE);
+    assert_eq!(outcome.files_aside.len(), 3, "{outcome:?}");
+    assert!(outcome.points_set_aside >= 35_000);
+    verified(&output, &tiles, outcome.points_set_aside);
+    // What was set aside is a cloud like any other, and can be converted.
+    let again = folder.path().join("again");
+    let input: PathBuf = output.join(&outcome.files_aside[0]);
+    let aside = convert(&input, &again, &Options { duplicates: Mode::Keep, ..Options::default() }, IN_CORE);
+    assert!(aside.points_out > 0);
+    verified(&again, &input, 0);
+}
+
+#[test]
+fn the_command_says_what_was_set_aside_and_ends_with_3() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("crowd.las");
+    let records = moved(surface(0, 30_000, 7), record_length(0).unwrap(), 25_000, |_| [9_000, 9_000, 900]);
+    write_las(&input, &options_of(0, false), &records);
+    let run = |more: &[&str]| {
+        let run = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+            .args(["convert", "--overwrite", "--progress", "plain"])
+            .args(more)
+            .arg(&input)
+            .arg("-o")
+            .arg(folder.path().join("octree"))
+            .output()
+            .unwrap();
+        (run.status.code(), String::from_utf8_lossy(&run.stdout).into_owned())
+    };
+    let (code, text) = run(&[]);
+    assert_eq!(code, Some(3));
+    assert!(text.contains("set aside: 15 000 (duplicates), in set-aside.laz"), "{text}");
+    let (code, text) = run(&["--duplicates", "drop"]);
+    assert_eq!(code, Some(3));
+    assert!(text.contains("dropped as asked: 15 000"), "{text}");
+    assert_eq!(run(&["--duplicates", "keep"]).0, Some(0));
+}
