@@ -8,9 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::Shared;
+use crate::config::age::Age;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::board::Reading;
 use crate::store::{Attempt, History, StoreError};
+
+const MONTH: Age = Age(30 * 86_400_000);
 
 /// An answer that says what went wrong.
 pub(super) struct Refusal(StatusCode, String);
@@ -164,6 +167,22 @@ pub(super) async fn priority(
     shared.store.set_priority(id, wish.priority, shared.clock.now()).await?;
     shared.bell.notify_one();
     Ok(Json(view(&shared, shared.store.job(id).await?)).into_response())
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Purge {
+    older_than: Age,
+}
+
+/// Removes the records of jobs that ended long ago; 30 days where nothing is said.
+pub(super) async fn purge(
+    Extract(shared): Extract<Shared>,
+    wish: Option<Json<Purge>>,
+) -> Result<Response, Refusal> {
+    let age = wish.map_or(MONTH, |Json(wish)| wish.older_than);
+    let gone = shared.store.purge(shared.clock.now() - age.0, &shared.config.octrees()).await?;
+    Ok(Json(json!({ "purged": gone })).into_response())
 }
 
 /// The watched folders: how news of them comes, what is missing, what waits.
