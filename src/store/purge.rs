@@ -13,11 +13,13 @@ use super::{Result, Store};
 use crate::job::{JobId, State};
 
 /// Ended before a time, owing nothing, and not what another job is said to be
-/// superseded by: that one would seem to stand again.
+/// superseded by: that one would seem to stand again. The youngest stays, or its
+/// number would be given away once more.
 macro_rules! old {
     () => {
         "state IN ('done', 'failed', 'quarantined', 'cancelled') AND finished_at < ? \
          AND sources IS NULL AND hook IS NULL \
+         AND id < (SELECT max(id) FROM job) \
          AND NOT EXISTS (SELECT 1 FROM job AS other WHERE other.superseded_by = job.id)"
     };
 }

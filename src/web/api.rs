@@ -1,6 +1,7 @@
 //! `/api/…`: jobs as JSON, and orders to them.
 
 use axum::Json;
+use axum::body::Bytes;
 use axum::extract::{Path, Query, State as Extract};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -176,11 +177,15 @@ pub(super) struct Purge {
 }
 
 /// Removes the records of jobs that ended long ago; 30 days where nothing is said.
-pub(super) async fn purge(
-    Extract(shared): Extract<Shared>,
-    wish: Option<Json<Purge>>,
-) -> Result<Response, Refusal> {
-    let age = wish.map_or(MONTH, |Json(wish)| wish.older_than);
+pub(super) async fn purge(Extract(shared): Extract<Shared>, body: Bytes) -> Result<Response, Refusal> {
+    let age = match body.trim_ascii() {
+        [] => MONTH,
+        body => {
+            let wish: Purge = serde_json::from_slice(body)
+                .map_err(|e| Refusal(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}")))?;
+            wish.older_than
+        }
+    };
     let gone = shared.store.purge(shared.clock.now() - age.0, &shared.config.octrees()).await?;
     Ok(Json(json!({ "purged": gone })).into_response())
 }
