@@ -191,11 +191,18 @@ fn a_hook_that_hangs_is_killed_and_holds_up_neither_jobs_nor_the_stop() {
     assert!(daemon.stop());
 
     // At a stop it is given what is left of the bound, and told anew at the next start.
-    let more = ["--hook-done", &list, "--shutdown-seconds", "1"];
+    let pid = root.path().join("pid");
+    let hook = program(root.path(), "wait", &format!("echo $$ > '{}'; exec sleep 3600", pid.display()));
+    let more = ["--hook-done", hook.to_str().expect("a path"), "--shutdown-seconds", "1"];
     let mut daemon = Daemon::start_with(&data, &more);
     fs::write(daemon.inbox().join("g.las"), las(500, 9)).expect("dropped");
     let job = daemon.wait("g", "done");
+    let pid = wait_for("the hook", || fs::read_to_string(&pid).ok()?.trim().parse::<u32>().ok());
     assert!(daemon.stop());
+    wait_for("its end", || {
+        // Dead, it may be listed until somebody looks after it.
+        fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default().is_empty().then_some(())
+    });
     let told = program(root.path(), "told", "echo heard >&2");
     let daemon = Daemon::start_with(&data, &["--hook-done", told.to_str().expect("a path")]);
     assert!(wait_history(&daemon, &job["id"], "hook").contains("heard"));

@@ -119,8 +119,10 @@ impl Aftermath {
                 ("kept", None, "sources kept", why)
             }
             Err(Left::ForNow(why)) => {
-                tracing::warn!(job, why, "its sources stay for now");
-                self.later.insert(job, now + AGAIN);
+                // Said once, though it is tried every minute.
+                if self.later.insert(job, now + AGAIN).is_none() {
+                    tracing::warn!(job, why, "its sources stay for now");
+                }
                 return Ok(());
             }
         };

@@ -173,9 +173,9 @@ impl Stream {
 /// in a file's name ends the event early.
 fn push(text: &mut String, kind: &str, id: Option<i64>, data: &impl Serialize) {
     let Ok(data) = serde_json::to_string(data) else { return };
-    let _ = write!(text, "event: {kind}\n");
+    let _ = writeln!(text, "event: {kind}");
     if let Some(id) = id {
-        let _ = write!(text, "id: {id}\n");
+        let _ = writeln!(text, "id: {id}");
     }
     let _ = write!(text, "data: {data}\n\n");
 }

@@ -12,12 +12,15 @@ use rustix::fs::{AtFlags, CWD, RenameFlags, fsync, renameat_with, unlinkat};
 use rustix::io::Errno;
 
 use super::look::{Entry, Kind, Looked, look};
-use super::{Left, Plan};
+use super::{Left, Plan, full};
+use crate::config::size::Size;
 use crate::disk::{Disk, DiskError};
 use crate::job::Input;
 use crate::stage::context::Cancel;
 
 const BLOCK: usize = 1 << 20;
+/// Where a copy lies until it is whole.
+const ON_ITS_WAY: &str = ".on-its-way";
 
 /// Moves a source to `done/<name>/`; returns where it lies there.
 pub(super) fn carry(
@@ -29,6 +32,8 @@ pub(super) fn carry(
 ) -> Result<PathBuf, Left> {
     let folder = plan.done.join(&plan.name);
     disk.create_dir_all(&folder).map_err(left)?;
+    // Of a try that a crash cut off.
+    disk.remove_dir_all(&folder.join(ON_ITS_WAY)).map_err(left)?;
     for target in targets(&folder, &looked.name, plan.revision, looked.entries[0].kind) {
         if target.symlink_metadata().is_ok() {
             // An earlier try may have got as far as removing what it had copied.
@@ -101,7 +106,8 @@ pub(super) fn copy(
     disk: &Disk,
     cancel: &Cancel,
 ) -> Result<(), Left> {
-    let temporary = folder.join(".on-its-way");
+    room(plan, looked, folder, disk)?;
+    let temporary = folder.join(ON_ITS_WAY);
     disk.remove_dir_all(&temporary).map_err(left)?;
     disk.create_dir_all(&temporary).map_err(left)?;
     let copied = copy_into(plan, looked, &temporary.join("it"), disk, cancel)
@@ -110,10 +116,22 @@ pub(super) fn copy(
     copied
 }
 
+/// A copy must not take the room that conversions need.
+fn room(plan: &Plan, looked: &Looked, folder: &Path, disk: &Disk) -> Result<(), Left> {
+    let bytes: u64 = looked.entries.iter().map(|entry| entry.size).sum();
+    let (free, needed) = (disk.free_space(folder).map_err(left)?, bytes.saturating_add(plan.reserve));
+    if free < needed {
+        let (folder, free, needed) = (folder.display(), Size(free), Size(needed));
+        return Err(Left::ForNow(format!(
+            "{folder} has {free} free, and a copy needs {needed} with the reserve"
+        )));
+    }
+    Ok(())
+}
+
 fn copy_into(plan: &Plan, looked: &Looked, to: &Path, disk: &Disk, cancel: &Cancel) -> Result<(), Left> {
     for entry in &looked.entries {
-        // Joining an empty path would add a slash.
-        let target = if entry.path.as_os_str().is_empty() { to.to_path_buf() } else { to.join(&entry.path) };
+        let target = full(to, &entry.path);
         match entry.kind {
             Kind::Folder => disk.create_dir_all(&target).map_err(left)?,
             _ => copy_file(plan, looked, entry, &target, disk, cancel)?,
@@ -133,7 +151,7 @@ fn copy_file(
     disk: &Disk,
     cancel: &Cancel,
 ) -> Result<(), Left> {
-    let path = plan.source.join(&entry.path);
+    let path = full(&plan.source, &entry.path);
     let reading = |e: io::Error| left(DiskError::new("read", &path, e));
     let mut from = looked.open(entry).map_err(|errno| reading(errno.into()))?;
     let to = disk.create(target).map_err(left)?;
@@ -205,7 +223,7 @@ pub(super) fn remove(
     let is_folder = looked.entries.first().is_some_and(|entry| entry.kind == Kind::Folder);
     for entry in looked.entries.iter().rev() {
         stopped(cancel)?;
-        let path = plan.source.join(&entry.path);
+        let path = full(&plan.source, &entry.path);
         let failing = |errno: Errno| left(DiskError::new("remove", &path, errno.into()));
         let removed = match entry.kind {
             Kind::Folder => removed(looked, entry, AtFlags::REMOVEDIR),

@@ -72,8 +72,7 @@ impl Looked {
 
     /// The folder that an entry lies in, opened link by link, and its name there.
     pub fn place(&self, entry: &Path) -> Result<(OwnedFd, PathBuf), Errno> {
-        // Joining an empty path would add a slash.
-        let full = if entry.as_os_str().is_empty() { self.name.clone() } else { self.name.join(entry) };
+        let full = super::full(&self.name, entry);
         let mut folder = openat(&self.root, ".", FOLDER, Mode::empty())?;
         for component in full.parent().into_iter().flat_map(Path::components) {
             folder = openat(&folder, component.as_os_str(), FOLDER, Mode::empty())?;

@@ -11,6 +11,7 @@
 mod carry;
 mod look;
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use crate::config::Config;
@@ -19,7 +20,7 @@ use crate::disk::Disk;
 use crate::job::{Input, Job};
 use crate::stage::context::Cancel;
 use crate::watch::marker::{self, Marker};
-use look::{Kind, Looked};
+use look::{Entry, Kind, Looked};
 
 /// What is to be done with which sources.
 #[derive(Debug, Clone)]
@@ -33,6 +34,8 @@ pub(super) struct Plan {
     /// The watched folders, and where sources are moved to.
     pub roots: Vec<PathBuf>,
     pub done: PathBuf,
+    /// Bytes that stay free on the disk that they are copied to.
+    pub reserve: u64,
 }
 
 /// What was done.
@@ -74,6 +77,7 @@ impl Plan {
             what,
             roots: roots.collect(),
             done: config.done(),
+            reserve: config.disk_reserve,
         }
     }
 }
@@ -90,45 +94,54 @@ pub(super) fn put_away(plan: &Plan, disk: &Disk, cancel: &Cancel) -> Result<PutA
         return Err(stay("does not lie in a watched folder"));
     }
     let Some(looked) = look::look(root, name)? else { return Ok(PutAway::Gone) };
-    let missing = check(plan, &looked)?;
+    let ours = ours(plan)?;
+    let missing = check(plan, &looked, &ours)?;
     if plan.what == OnDone::Delete {
-        carry::remove(plan, &looked, |entry| is_ours(plan, &entry.path), cancel)?;
+        carry::remove(plan, &looked, |entry| ours.contains(entry.path.as_path()), cancel)?;
         return Ok(PutAway::Removed);
     }
     carry::carry(plan, &looked, &missing, disk, cancel).map(PutAway::Moved)
 }
 
-/// Whether a file in the source is one that was converted, or the marker.
-fn is_ours(plan: &Plan, relative: &Path) -> bool {
-    relative == Path::new(marker::NAME)
-        || plan.inputs.iter().any(|input| input.path.strip_prefix(&plan.source).is_ok_and(|p| p == relative))
+/// What was converted, and the marker, by their paths within the source.
+fn ours(plan: &Plan) -> Result<HashSet<&Path>, Left> {
+    let mut ours = HashSet::from([Path::new(marker::NAME)]);
+    for input in &plan.inputs {
+        let outside = |_| Left::ForGood(format!("{} lies outside of its data set", input.path.display()));
+        ours.insert(input.path.strip_prefix(&plan.source).map_err(outside)?);
+    }
+    Ok(ours)
 }
 
 /// Holds what lies there against what was converted. What is missing is no
 /// change yet: an earlier try may have got so far.
-fn check(plan: &Plan, looked: &Looked) -> Result<Vec<Input>, Left> {
+fn check(plan: &Plan, looked: &Looked, ours: &HashSet<&Path>) -> Result<Vec<Input>, Left> {
     let stay = |path: &Path, why: &str| Left::ForGood(format!("{} {why}", path.display()));
+    let there: HashMap<PathBuf, &Entry> =
+        looked.entries.iter().map(|entry| (full(&plan.source, &entry.path), entry)).collect();
     let mut missing = Vec::new();
     for input in &plan.inputs {
-        let Ok(relative) = input.path.strip_prefix(&plan.source) else {
-            return Err(stay(&input.path, "lies outside of its data set"));
-        };
-        match looked.find(relative) {
+        match there.get(&input.path) {
             None => missing.push(input.clone()),
             Some(entry) if entry.kind == Kind::File && entry.is(input) => {}
             Some(_) => return Err(stay(&input.path, "has changed since it was converted")),
         }
     }
-    for entry in &looked.entries {
-        let path = plan.source.join(&entry.path);
+    for (path, entry) in &there {
         if entry.kind == Kind::Other {
-            return Err(stay(&path, "is a link, or no plain file; nothing is done through such"));
+            return Err(stay(path, "is a link, or no plain file; nothing is done through such"));
         }
-        if entry.kind == Kind::File && entry.looks_like_a_cloud(&path) && !is_ours(plan, &entry.path) {
-            return Err(stay(&path, "came after the others and is not in the octree"));
+        let known = ours.contains(entry.path.as_path());
+        if entry.kind == Kind::File && entry.looks_like_a_cloud(path) && !known {
+            return Err(stay(path, "came after the others and is not in the octree"));
         }
     }
     Ok(missing)
+}
+
+/// A path within a folder; joining an empty one would add a slash.
+fn full(folder: &Path, within: &Path) -> PathBuf {
+    if within.as_os_str().is_empty() { folder.to_path_buf() } else { folder.join(within) }
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ impl Place {
             what,
             roots: vec![root],
             done: folder.path().join("done"),
+            reserve: 0,
         };
         for file in files {
             let path = if file.is_empty() { source.clone() } else { source.join(file) };
@@ -203,6 +204,19 @@ fn a_fault_at_any_step_of_a_copy_loses_nothing() {
         assert_eq!(place.put_away(), Ok(PutAway::Moved(target)), "after fault {nth}, with room again");
     }
     assert!(finished, "the faults never ended");
+}
+
+#[test]
+fn a_copy_to_another_disk_leaves_the_reserve_alone() {
+    let mut place = Place::new(OnDone::Move, "a.las", &[""]);
+    place.plan.reserve = u64::MAX / 2;
+    let looked = look::look(&place.plan.roots[0], "a.las".as_ref()).expect("fine").expect("there");
+    fs::create_dir_all(place.done("")).expect("made");
+    let target = place.done("a.las");
+    let copied =
+        carry::copy(&place.plan, &looked, &place.done(""), &target, &Disk::new(), &Cancel::default());
+    let Err(Left::ForNow(why)) = copied else { panic!("it was copied") };
+    assert!(why.contains("free") && !target.exists(), "{why}");
 }
 
 #[test]
