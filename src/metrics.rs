@@ -10,6 +10,11 @@ use prometheus::{
 const SECONDS: [f64; 13] =
     [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0, 30_000.0, 86_400.0];
 
+/// The stages of a conversion.
+const STAGES: [&str; 5] = ["survey", "distribute", "index", "merge", "publish"];
+/// Why points are set aside.
+const SET_ASIDE: [&str; 1] = ["other"];
+
 /// All series. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Metrics {
@@ -23,10 +28,11 @@ pub struct Metrics {
     pub stage_seconds: HistogramVec,
     pub points_read: IntCounter,
     pub points_written: IntCounter,
-    pub points_set_aside: IntCounter,
+    pub points_set_aside: IntCounterVec,
     pub input_bytes: IntCounter,
     pub output_bytes: IntCounter,
     pub free_bytes: IntGaugeVec,
+    pub scratch_bytes: IntGauge,
     pub watched_folders: IntGaugeVec,
     pub watch_events: IntCounter,
     pub watch_overflows: IntCounter,
@@ -35,6 +41,11 @@ pub struct Metrics {
     pub last_scan_timestamp: Gauge,
     pub last_progress_timestamp: Gauge,
     pub queue_errors: IntCounter,
+    pub jobs_stalled: IntCounter,
+    pub sources: IntCounterVec,
+    pub hooks: IntCounterVec,
+    pub event_streams: IntGauge,
+    pub runtime_tasks: IntGauge,
 }
 
 impl Metrics {
@@ -44,7 +55,7 @@ impl Metrics {
         let r = &registry;
         build_info(r)?;
         process(r)?;
-        Ok(Metrics {
+        let metrics = Metrics {
             jobs: gauges(r, "lodestone_jobs", "Jobs in the queue by state.", "state")?,
             jobs_held: gauge(
                 r,
@@ -78,14 +89,16 @@ impl Metrics {
             },
             points_read: counter(r, "lodestone_points_read_total", "Points read by finished conversions.")?,
             points_written: counter(r, "lodestone_points_written_total", "Points in published octrees.")?,
-            points_set_aside: counter(
+            points_set_aside: counters(
                 r,
                 "lodestone_points_set_aside_total",
-                "Points set aside with a reason.",
+                "Points set aside, by reason.",
+                "reason",
             )?,
             input_bytes: counter(r, "lodestone_input_bytes_total", "Bytes of converted files.")?,
             output_bytes: counter(r, "lodestone_output_bytes_total", "Bytes of published octrees.")?,
             free_bytes: gauges(r, "lodestone_free_bytes", "Room on the disk of a folder.", "folder")?,
+            scratch_bytes: gauge(r, "lodestone_scratch_bytes", "Bytes of intermediate files.")?,
             watched_folders: gauges(
                 r,
                 "lodestone_watched_folders",
@@ -119,8 +132,55 @@ impl Metrics {
                 "lodestone_queue_errors_total",
                 "Times that the queue's database failed.",
             )?,
+            jobs_stalled: counter(
+                r,
+                "lodestone_jobs_stalled_total",
+                "Runs that were stopped for want of any progress.",
+            )?,
+            sources: counters(
+                r,
+                "lodestone_sources_put_away_total",
+                "Data sets whose sources were moved, deleted or kept after publishing.",
+                "outcome",
+            )?,
+            hooks: counters(r, "lodestone_hooks_total", "Hooks that were run, by how they ended.", "result")?,
+            event_streams: gauge(r, "lodestone_event_streams", "Readers of the events that are connected.")?,
+            runtime_tasks: gauge(
+                r,
+                "lodestone_runtime_tasks",
+                "Tasks of the daemon's runtime that are alive.",
+            )?,
             registry,
-        })
+        };
+        metrics.begin_at_zero();
+        Ok(metrics)
+    }
+
+    /// A counter that appears with its first event has no increase: every label
+    /// that there can be stands from the start.
+    fn begin_at_zero(&self) {
+        for result in ["done", "failed", "quarantined", "cancelled", "postponed"] {
+            self.jobs_finished.with_label_values(&[result]);
+        }
+        for stage in STAGES {
+            self.stage_seconds.with_label_values(&[stage]);
+        }
+        for reason in SET_ASIDE {
+            self.points_set_aside.with_label_values(&[reason]);
+        }
+        for outcome in ["moved", "deleted", "kept", "gone"] {
+            self.sources.with_label_values(&[outcome]);
+        }
+        for result in ["ok", "failed", "timeout"] {
+            self.hooks.with_label_values(&[result]);
+        }
+    }
+
+    /// Counts points that were set aside; a reason that is not in the list is
+    /// `other`, for labels come from closed sets only.
+    pub fn set_aside(&self, reason: &str, points: u64) {
+        let reason = SET_ASIDE.into_iter().find(|known| *known == reason).unwrap_or("other");
+        self.points_set_aside.with_label_values(&[reason]).inc_by(points);
     }
 
     /// All series in the text format, with its content type.

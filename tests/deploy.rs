@@ -6,6 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+mod daemon_support;
+
 fn read(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
     fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
@@ -28,6 +30,80 @@ fn alerts_ask_for_series_that_there_are() {
     assert!(unknown.is_empty(), "nobody writes {unknown:?}");
 }
 
+/// The series that a query asks for, with the labels that it names.
+fn series(query: &str) -> Vec<(String, Vec<String>)> {
+    let mut found = Vec::new();
+    for word in words(query, "lodestone_").into_iter().chain(words(query, "process_")) {
+        let at = query.find(&word).unwrap() + word.len();
+        let braces =
+            query[at..].strip_prefix('{').and_then(|rest| rest.split_once('}')).map_or("", |(b, _)| b);
+        let labels = braces.split(',').filter_map(|pair| pair.split(['=', '!']).next());
+        found.push((word.clone(), labels.map(str::to_string).collect()));
+    }
+    found
+}
+
+/// Every query of the dashboard and of the alerts, against what a daemon that
+/// has converted something really shows.
+#[test]
+fn the_dashboard_and_the_alerts_ask_for_what_a_daemon_shows() {
+    let root = tempfile::tempdir().unwrap();
+    let daemon = daemon_support::Daemon::start(&root.path().join("data"));
+    fs::write(daemon.inbox().join("a.las"), daemon_support::las(1_000, 1)).unwrap();
+    daemon.wait("a", "done");
+    let shown = daemon.get("/metrics").1;
+
+    let dashboard: serde_json::Value = serde_json::from_str(&read("deploy/grafana-dashboard.json")).unwrap();
+    let mut queries =
+        vec![dashboard["templating"]["list"][1]["query"]["query"].as_str().unwrap().to_string()];
+    let (mut ids, mut places) = (BTreeSet::new(), BTreeSet::new());
+    for panel in dashboard["panels"].as_array().unwrap() {
+        assert!(ids.insert(panel["id"].as_u64().unwrap()), "{panel}");
+        assert!(places.insert(panel["gridPos"].to_string()), "{panel}");
+        for target in panel["targets"].as_array().unwrap() {
+            queries.push(target["expr"].as_str().unwrap().to_string());
+            assert_eq!(
+                target["datasource"]["uid"], "${datasource}",
+                "the data source is the reader's to choose"
+            );
+        }
+    }
+    assert!(queries.len() > 30, "{} queries", queries.len());
+    let alerts = read("deploy/alerts.yml");
+    queries.extend(alerts.lines().filter_map(|line| line.trim().strip_prefix("expr: ")).map(str::to_string));
+    let mut asked = BTreeSet::new();
+    for query in &queries {
+        let open = query.matches(['(', '{', '[']).count();
+        assert_eq!(open, query.matches([')', '}', ']']).count(), "{query}");
+        for (name, labels) in series(query) {
+            let lines: Vec<_> = shown
+                .lines()
+                .filter(|line| line.strip_prefix(&name).is_some_and(|rest| rest.starts_with([' ', '{'])))
+                .collect();
+            assert!(!lines.is_empty(), "{query}: nobody shows {name}\n{shown}");
+            for label in labels.iter().filter(|label| !["", "instance", "job"].contains(&label.as_str())) {
+                assert!(
+                    lines.iter().any(|line| line.contains(&format!("{label}=\""))),
+                    "{query}: no label {label}"
+                );
+            }
+            asked.insert(name);
+        }
+    }
+    // And the other way round: what is shown is worth a look.
+    let panels: Vec<_> =
+        words(&shown, "lodestone_").into_iter().filter(|name| !name.ends_with("_count")).collect();
+    let unseen: Vec<_> = panels
+        .iter()
+        .filter(|name| {
+            !asked
+                .iter()
+                .any(|asked| asked.starts_with(name.trim_end_matches("_bucket").trim_end_matches("_sum")))
+        })
+        .collect();
+    assert!(unseen.is_empty(), "no panel and no alert has {unseen:?}");
+}
+
 #[test]
 fn settings_that_are_deployed_or_written_of_exist() {
     let output = Command::new(env!("CARGO_BIN_EXE_lodestone")).args(["serve", "--help"]).output().unwrap();
@@ -37,7 +113,11 @@ fn settings_that_are_deployed_or_written_of_exist() {
     for file in ["deploy/lodestone.service", "deploy/Dockerfile", "README.md"] {
         for word in words(&read(file), "LODESTONE_") {
             let of_tests = ["LODESTONE_DATA", "LODESTONE_VIEWER"].contains(&word.as_str());
-            assert!(of_tests || known.contains(&word), "{file} speaks of {word}");
+            // What a hook is told is no setting; daemon_control.rs holds it to that.
+            let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"]
+                .iter()
+                .any(|name| word == format!("LODESTONE_{name}"));
+            assert!(of_tests || of_hooks || known.contains(&word), "{file} speaks of {word}");
         }
     }
 }
@@ -57,8 +137,17 @@ fn the_readme_speaks_of_commands_that_there_are() {
         for piece in pieces {
             let mut words = piece.split_whitespace().skip(1);
             let command = words.next().unwrap();
-            let output =
-                Command::new(env!("CARGO_BIN_EXE_lodestone")).args([command, "--help"]).output().unwrap();
+            // What `jobs` is to do has a help of its own.
+            let of_jobs = words
+                .clone()
+                .next()
+                .filter(|word| command == "jobs" && word.bytes().all(|b| b.is_ascii_lowercase()));
+            let output = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+                .arg(command)
+                .args(of_jobs)
+                .arg("--help")
+                .output()
+                .unwrap();
             let help = String::from_utf8(output.stdout).unwrap();
             assert!(output.status.success(), "README: {piece}");
             for flag in words.map(|word| word.trim_matches(['[', ']'])).filter(|word| word.starts_with('-')) {

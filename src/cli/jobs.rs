@@ -3,11 +3,12 @@
 //! one notices an order within a second.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{Exit, failed};
 use crate::clock::Clock;
 use crate::config::Layer;
+use crate::config::age::Age;
 use crate::config::size::Size;
 use crate::job::{Event, Job, JobId, State};
 use crate::store::{Store, StoreError};
@@ -49,6 +50,12 @@ enum Action {
     Pause { id: JobId },
     /// Let a paused job go on
     Resume { id: JobId },
+    /// Remove the records of ended jobs; those whose octree is there stay
+    Purge {
+        /// Only those that ended before so long, as in 12h, 30d or 8w
+        #[arg(long, value_name = "AGE", default_value = "30d")]
+        older_than: Age,
+    },
     /// Change a job's priority; higher goes first
     Priority {
         id: JobId,
@@ -72,7 +79,7 @@ pub fn run(arguments: Arguments) -> Exit {
     };
     let text = runtime.block_on(async {
         let store = Store::open_existing(&root.join("lodestone.db")).await?;
-        let text = act(&store, &arguments).await;
+        let text = act(&store, &root.join("octrees"), &arguments).await;
         store.close().await;
         text
     });
@@ -86,7 +93,7 @@ pub fn run(arguments: Arguments) -> Exit {
     }
 }
 
-async fn act(store: &Store, arguments: &Arguments) -> Result<String, StoreError> {
+async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<String, StoreError> {
     let now = Clock::System.now();
     let order = |id: JobId, event: Event| async move {
         store.order(id, event, now).await?;
@@ -96,6 +103,14 @@ async fn act(store: &Store, arguments: &Arguments) -> Result<String, StoreError>
         Action::List { state, limit } => {
             let jobs = store.jobs(*state, None, *limit).await?;
             return Ok(if arguments.json { json(&jobs) } else { table(&jobs) });
+        }
+        Action::Purge { older_than } => {
+            let gone = store.purge(now - older_than.0, octrees).await?;
+            let text = match gone {
+                1 => "1 record removed\n".to_string(),
+                gone => format!("{gone} records removed\n"),
+            };
+            return Ok(if arguments.json { json(&serde_json::json!({ "purged": gone })) } else { text });
         }
         Action::Show { id } => *id,
         Action::Retry { id } => order(*id, Event::Retry).await?,

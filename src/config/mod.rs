@@ -5,17 +5,22 @@
 //! All is checked at start: a daemon that is left alone for a year must not find
 //! a wrong value in its eleventh month.
 
+pub mod age;
+pub mod hook;
+mod layer;
 pub mod size;
+pub mod sources;
 
 use std::net::{IpAddr, SocketAddr};
-use std::path::{Path, PathBuf};
-
-use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 use crate::job::verdict::Policy;
 use crate::stage::machine;
-use crate::stage::options::{Encoding, Options, Sampling};
+use crate::stage::options::Options;
+use hook::Hook;
+pub use layer::Layer;
 use size::Size;
+use sources::OnDone;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -31,108 +36,9 @@ pub enum ConfigError {
     Value { key: &'static str, message: String },
 }
 
-/// What one source of configuration says; what it leaves out is empty.
-#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Layer {
-    /// The folder of inbox, octrees, scratch and the queue [default: ./lodestone-data].
-    #[arg(long, env = "LODESTONE_ROOT", value_name = "DIR")]
-    pub root: Option<PathBuf>,
-    /// Another folder to watch besides the inbox; may be given several times.
-    #[arg(long, env = "LODESTONE_WATCH", value_name = "DIR")]
-    pub watch: Vec<PathBuf>,
-    /// Address of the HTTP API [default: 127.0.0.1:7700].
-    #[arg(long, env = "LODESTONE_LISTEN", value_name = "ADDRESS")]
-    pub listen: Option<String>,
-    /// A secret that API requests must bring (`Authorization: Bearer …`).
-    #[arg(long, env = "LODESTONE_TOKEN", value_name = "SECRET", hide_env_values = true)]
-    pub token: Option<String>,
-    /// Let everybody who reaches the address read and control the queue.
-    #[arg(long, env = "LODESTONE_OPEN_TO_NETWORK", num_args = 0..=1, default_missing_value = "true")]
-    pub open_to_network: Option<bool>,
-    /// How long a file's size and time must be quiet before it is taken, in seconds [default: 5].
-    #[arg(long, env = "LODESTONE_SETTLE_SECONDS", value_name = "SECONDS")]
-    pub settle_seconds: Option<f64>,
-    /// How long a quiet file that is not whole may still become so before it counts as broken, in seconds [default: 120].
-    #[arg(long, env = "LODESTONE_PATIENCE_SECONDS", value_name = "SECONDS")]
-    pub patience_seconds: Option<f64>,
-    /// The longest time between two scans of the watched folders, in seconds [default: 30].
-    #[arg(long, env = "LODESTONE_RESCAN_SECONDS", value_name = "SECONDS")]
-    pub rescan_seconds: Option<f64>,
-    /// Large data sets that are converted at the same time [default: 1].
-    #[arg(long, env = "LODESTONE_HEAVY_JOBS", value_name = "N")]
-    pub heavy_jobs: Option<u32>,
-    /// Small data sets that are converted beside them [default: 1].
-    #[arg(long, env = "LODESTONE_LIGHT_JOBS", value_name = "N")]
-    pub light_jobs: Option<u32>,
-    /// Up to this size of its files a data set is small [default: 64M].
-    #[arg(long, env = "LODESTONE_LIGHT_BYTES", value_name = "SIZE")]
-    pub light_bytes: Option<Size>,
-    /// Threads of a conversion [default: the cores this process may use].
-    #[arg(long, env = "LODESTONE_THREADS", value_name = "N")]
-    pub threads: Option<usize>,
-    /// Memory that conversions may hold together [default: half of what the machine or its container has].
-    #[arg(long, env = "LODESTONE_MEMORY_LIMIT", value_name = "SIZE")]
-    pub memory_limit: Option<Size>,
-    /// Room on disk that is always left free [default: 256M].
-    #[arg(long, env = "LODESTONE_DISK_RESERVE", value_name = "SIZE")]
-    pub disk_reserve: Option<Size>,
-    /// Crashes and hopeless failures that send a job to quarantine [default: 3].
-    #[arg(long, env = "LODESTONE_MAX_STRIKES", value_name = "N")]
-    pub max_strikes: Option<u32>,
-    /// Failures that may pass (no room, I/O errors) after which a job has failed [default: 20].
-    #[arg(long, env = "LODESTONE_MAX_POSTPONEMENTS", value_name = "N")]
-    pub max_postponements: Option<u32>,
-    /// The wait after the first such failure, in seconds; it doubles up to ten minutes [default: 5].
-    #[arg(long, env = "LODESTONE_RETRY_SECONDS", value_name = "SECONDS")]
-    pub retry_seconds: Option<f64>,
-    /// How long an orderly stop may take before the work in hand is abandoned, in seconds [default: 20].
-    #[arg(long, env = "LODESTONE_SHUTDOWN_SECONDS", value_name = "SECONDS")]
-    pub shutdown_seconds: Option<f64>,
-    /// How nodes are sampled [default: poisson].
-    #[arg(long, env = "LODESTONE_SAMPLING", value_enum, ignore_case = true)]
-    pub sampling: Option<Sampling>,
-    /// How points are stored [default: default].
-    #[arg(long, env = "LODESTONE_ENCODING", value_enum, ignore_case = true)]
-    pub encoding: Option<Encoding>,
-}
-
-impl Layer {
-    /// Reads a TOML file.
-    pub fn read(path: &Path) -> Result<Layer, ConfigError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
-        // The parser's message names the key and shows its line.
-        toml::from_str(&text)
-            .map_err(|e| ConfigError::Parse { path: path.to_path_buf(), message: e.to_string() })
-    }
-
-    /// This layer, and where it is silent the other.
-    pub fn over(self, other: Layer) -> Layer {
-        Layer {
-            root: self.root.or(other.root),
-            watch: if self.watch.is_empty() { other.watch } else { self.watch },
-            listen: self.listen.or(other.listen),
-            token: self.token.or(other.token),
-            open_to_network: self.open_to_network.or(other.open_to_network),
-            settle_seconds: self.settle_seconds.or(other.settle_seconds),
-            patience_seconds: self.patience_seconds.or(other.patience_seconds),
-            rescan_seconds: self.rescan_seconds.or(other.rescan_seconds),
-            heavy_jobs: self.heavy_jobs.or(other.heavy_jobs),
-            light_jobs: self.light_jobs.or(other.light_jobs),
-            light_bytes: self.light_bytes.or(other.light_bytes),
-            threads: self.threads.or(other.threads),
-            memory_limit: self.memory_limit.or(other.memory_limit),
-            disk_reserve: self.disk_reserve.or(other.disk_reserve),
-            max_strikes: self.max_strikes.or(other.max_strikes),
-            max_postponements: self.max_postponements.or(other.max_postponements),
-            retry_seconds: self.retry_seconds.or(other.retry_seconds),
-            shutdown_seconds: self.shutdown_seconds.or(other.shutdown_seconds),
-            sampling: self.sampling.or(other.sampling),
-            encoding: self.encoding.or(other.encoding),
-        }
-    }
-}
+/// Milliseconds.
+const MINUTE: f64 = 60_000.0;
+const DAY: f64 = 86_400_000.0;
 
 /// The checked configuration. Times are milliseconds, sizes bytes.
 #[derive(Debug, Clone, PartialEq)]
@@ -152,6 +58,15 @@ pub struct Config {
     pub disk_reserve: u64,
     pub policy: Policy,
     pub shutdown: i64,
+    pub on_done: OnDone,
+    pub hook_done: Option<Hook>,
+    pub hook_failed: Option<Hook>,
+    /// How long a hook may take.
+    pub hook_limit: i64,
+    /// How long a run may stand still; `None` is for ever.
+    pub stall: Option<i64>,
+    /// How long ended jobs are kept; `None` is for ever.
+    pub keep: Option<i64>,
     /// Options of conversions whose data set does not say its own.
     pub options: Options,
 }
@@ -165,6 +80,10 @@ impl Config {
     }
     pub fn scratch(&self) -> PathBuf {
         self.root.join("scratch")
+    }
+    /// Where `on_done = "move"` puts the files of published data sets.
+    pub fn done(&self) -> PathBuf {
+        self.root.join("done")
     }
     pub fn database(&self) -> PathBuf {
         self.root.join("lodestone.db")
@@ -221,6 +140,12 @@ impl Config {
                 ..Policy::default()
             },
             shutdown: millis("shutdown_seconds", layer.shutdown_seconds, 20.0)?,
+            on_done: layer.on_done.unwrap_or_default(),
+            hook_done: layer.hook_done,
+            hook_failed: layer.hook_failed,
+            hook_limit: millis("hook_seconds", layer.hook_seconds, 60.0)?.max(100),
+            stall: span("stall_minutes", layer.stall_minutes, 30.0, MINUTE)?,
+            keep: span("keep_days", layer.keep_days, 90.0, DAY)?,
             options: Options {
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
@@ -251,6 +176,12 @@ impl Config {
             max_postponements: Some(self.policy.max_postponements),
             retry_seconds: seconds(self.policy.first_wait),
             shutdown_seconds: seconds(self.shutdown),
+            on_done: Some(self.on_done),
+            hook_done: self.hook_done.clone(),
+            hook_failed: self.hook_failed.clone(),
+            hook_seconds: seconds(self.hook_limit),
+            stall_minutes: Some(self.stall.unwrap_or(0) as f64 / MINUTE),
+            keep_days: Some(self.keep.unwrap_or(0) as f64 / DAY),
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
         }
@@ -268,6 +199,16 @@ fn millis(key: &'static str, seconds: Option<f64>, default: f64) -> Result<i64, 
         return Err(wrong(key, format!("{seconds} is not between 0 seconds and a year")));
     }
     Ok((seconds * 1000.0).round() as i64)
+}
+
+/// A time in `unit`s, of which zero means for ever.
+fn span(key: &'static str, value: Option<f64>, default: f64, unit: f64) -> Result<Option<i64>, ConfigError> {
+    let value = value.unwrap_or(default);
+    // A century is for ever, and stays far from the end of an i64. NaN fails this as well.
+    if !(0.0..=36_525.0 * DAY / unit).contains(&value) {
+        return Err(wrong(key, format!("{value} is no time between 0 (for ever) and a century")));
+    }
+    Ok((value > 0.0).then(|| (value * unit).round().max(1.0) as i64))
 }
 
 fn at_least_one(key: &'static str, value: Option<u32>, default: u32) -> Result<u32, ConfigError> {
@@ -305,6 +246,8 @@ mod tests {
         assert!(error("heavy_jobs = 0").contains("heavy_jobs"));
         assert!(error("threads = 0").contains("threads"));
         assert!(error("memory_limit = '1M'").contains("memory_limit"));
+        assert!(error("stall_minutes = -1").contains("stall_minutes"));
+        assert!(error("keep_days = nan").contains("keep_days"));
         assert!(error("listen = 'everywhere'").contains("`everywhere`"));
         let unknown = toml::from_str::<Layer>("setle_seconds = 1").expect_err("a typing error").to_string();
         assert!(unknown.contains("setle_seconds"), "{unknown}");
@@ -334,8 +277,10 @@ mod tests {
     #[test]
     fn the_effective_configuration_reads_back_as_itself() {
         let config =
-            Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']"))
+            Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']\n\
+                 on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0"))
                 .expect("a configuration");
+        assert_eq!((config.stall, config.keep), (Some(30_000), None));
         let text = toml::to_string(&config.to_layer()).expect("TOML");
         assert_eq!(Config::from_layer(layer(&text)).expect("again"), config);
     }

@@ -82,7 +82,7 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
         converter,
         bell: Arc::new(Notify::new()),
     };
-    let shared = shared(&tools);
+    let shared = shared(&tools, &stop);
     let mut engine = Engine::new(tools, format!("{}-{}", std::process::id(), Clock::System.now()));
     engine.recover().await?;
 
@@ -104,7 +104,7 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
     Ok(())
 }
 
-fn shared(tools: &Tools) -> Shared {
+fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
     Shared {
         config: tools.config.clone(),
         store: tools.store.clone(),
@@ -114,6 +114,8 @@ fn shared(tools: &Tools) -> Shared {
         disk: tools.disk.clone(),
         health: Arc::default(),
         bell: tools.bell.clone(),
+        stop: stop.clone(),
+        streams: Shared::streams(),
     }
 }
 

@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Millis;
 use crate::engine::intake::{self, Taken};
-use crate::store::StoreError;
+use crate::store::{Admission, StoreError};
 use crate::watch::events::{Events, Mode};
 use crate::watch::settle::Limits;
 use crate::watch::{Report, Watcher};
@@ -54,7 +54,7 @@ pub(super) async fn run(shared: Shared, stop: CancellationToken) {
         }
     };
     let limits = Limits { settle: config.settle, patience: config.patience };
-    let watcher = Watcher::new(roots.clone(), vec![config.root.clone()], limits, known);
+    let watcher = Watcher::new(roots.clone(), vec![config.root.clone(), config.done()], limits, known);
     let Ok(events) = tokio::task::spawn_blocking(move || Events::start(&roots)).await else { return };
     let mut watching = Watching {
         shared,
@@ -101,7 +101,16 @@ impl Watching {
             // The semaphore is never closed.
             let _place = readers.acquire_owned().await;
             let now = shared.clock.now();
+            let wish =
+                found.marker.as_ref().and_then(|marker| marker.on_done).unwrap_or(shared.config.on_done);
             let taken = intake::take_in(&shared.store, found, &shared.config.options, now).await;
+            if let Ok(Taken::In { path, admission: Admission::Known(job), .. }) = &taken {
+                // Dropped once more, it is put away once more.
+                let again = shared.store.owe_sources_again(*job, &path.to_string_lossy(), wish).await;
+                if let Err(error) = again {
+                    tracing::warn!(job, %error, "its source stays");
+                }
+            }
             shared.bell.notify_one();
             (path, taken)
         });

@@ -3,8 +3,9 @@
 
 use super::converter::{Failure, Report};
 use super::worker::Finished;
-use super::{Engine, Running, Stop, preflight, publish};
+use super::{Engine, Running, Stop, preflight, publish, sources, stall};
 use crate::clock::Millis;
+use crate::config::sources::OnDone;
 use crate::job::verdict::End;
 use crate::job::{Event, State, Wish, machine};
 use crate::store::{Ending, Result};
@@ -15,7 +16,7 @@ impl Engine {
         let Some(running) = self.running.get(&finished.job) else { return Ok(()) };
         let ending = match &finished.result {
             Ok(report) => self.settle_success(running, report).await?,
-            Err(failure) => failing(running, failure),
+            Err(failure) => failing(running, failure, self.tools.config.stall),
         };
         let now = self.tools.clock.now();
         let verdict = self
@@ -48,6 +49,11 @@ impl Engine {
             // Published by this call's forerunner, which could not record it.
             Err(_) => self.tools.store.job(running.job.id).await?.staged.unwrap_or(0),
         };
+        // Before the octree stands: after a crash in between nobody would know.
+        let what = sources::wish(&self.tools.config, &running.job.source);
+        if what != OnDone::Keep {
+            self.tools.store.owe_sources(running.job.id, &self.owner, what).await?;
+        }
         let now = self.tools.clock.now();
         let result = report.json.to_string();
         if staged != 0 && !self.tools.store.stage(running.job.id, &self.owner, staged, &result, now).await? {
@@ -55,7 +61,7 @@ impl Engine {
         }
         Ok(match publish::publish(&self.tools, &running.job, staged).await {
             Ok(()) => Ending { end: End::Published, error: None },
-            Err(failure) => failing(running, &failure),
+            Err(failure) => failing(running, &failure, self.tools.config.stall),
         })
     }
 
@@ -79,7 +85,7 @@ impl Engine {
         if let (Event::Succeed, Ok(report)) = (event, &finished.result) {
             metrics.points_read.inc_by(report.points_in);
             metrics.points_written.inc_by(report.points_out);
-            metrics.points_set_aside.inc_by(report.points_set_aside);
+            metrics.set_aside("other", report.points_set_aside);
             metrics.input_bytes.inc_by(running.job.bytes);
             metrics.output_bytes.inc_by(report.output_bytes);
             for (stage, seconds) in &report.seconds_by_stage {
@@ -99,11 +105,14 @@ pub(super) fn wish_end(wish: Wish) -> End {
 }
 
 /// How a run that failed is judged: what we stopped ourselves is no failure.
-fn failing(running: &Running, failure: &Failure) -> Ending {
+fn failing(running: &Running, failure: &Failure, stall: Option<Millis>) -> Ending {
     let error = Some(failure.message.clone());
     match running.stop {
         Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
         Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
+        Some(Stop::Stalled) => {
+            Ending { end: End::Crashed, error: Some(stall::reason(stall.unwrap_or_default())) }
+        }
         None if failure.panicked => Ending { end: End::Panicked, error },
         None if failure.may_pass => Ending { end: End::Passing, error },
         None => Ending { end: End::Hopeless, error },

@@ -5,16 +5,20 @@
 //! long as it takes; the engine only starts it, watches its progress, and records
 //! its end. Whatever a conversion does, be it a panic, the engine goes on.
 
+mod aftermath;
 pub mod conduct;
 pub mod converter;
 mod ending;
+mod hook;
 pub mod intake;
 pub mod janitor;
 mod preflight;
 mod publish;
+mod sources;
+mod stall;
 mod worker;
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -31,9 +35,11 @@ use crate::stage::options::Options;
 use crate::stage::scratch::units_done;
 use crate::store::board::Board;
 use crate::store::{Ending, Recovered, Result, Store};
+use aftermath::Aftermath;
 use converter::{Converter, Work};
 use ending::wish_end;
 use preflight::Lane;
+use stall::Pulse;
 use worker::Finished;
 
 /// How many waiting jobs are looked at for one that fits.
@@ -60,6 +66,8 @@ pub struct Tools {
 enum Stop {
     Wish(Wish),
     Shutdown,
+    /// It stood still.
+    Stalled,
 }
 
 struct Running {
@@ -68,6 +76,7 @@ struct Running {
     cancel: Cancel,
     stop: Option<Stop>,
     beat_at: Millis,
+    pulse: Pulse,
 }
 
 /// What a tick did.
@@ -90,6 +99,9 @@ pub struct Engine {
     sender: mpsc::UnboundedSender<Finished>,
     /// Ended runs that the queue could not record yet.
     unrecorded: VecDeque<Finished>,
+    /// Jobs whose run was given up, but whose thread has not ended.
+    abandoned: HashSet<JobId>,
+    aftermath: Aftermath,
     stopping: bool,
 }
 
@@ -103,6 +115,8 @@ impl Engine {
             results,
             sender,
             unrecorded: VecDeque::new(),
+            abandoned: HashSet::new(),
+            aftermath: Aftermath::default(),
             stopping: false,
         }
     }
@@ -146,8 +160,10 @@ impl Engine {
     ///
     /// 1. Record the runs that ended: stage, publish, finish.
     /// 2. Pass on what operators wish of running jobs.
-    /// 3. Look at the progress of running jobs; note it as a heartbeat.
+    /// 3. Look at the progress of running jobs; note it as a heartbeat. Stop what
+    ///    stands still, and give up what does not stop.
     /// 4. Start what fits into the free lanes; say of the rest why it waits.
+    /// 5. See to what follows from ends: put sources away, tell hooks.
     ///
     /// An error means that the queue did not answer; nothing is lost by it, and
     /// the next tick goes on.
@@ -155,7 +171,9 @@ impl Engine {
         let ended = self.record_ended().await?;
         self.pass_on_wishes().await?;
         self.look_at_progress().await?;
+        self.give_up_the_dead().await?;
         let (started, held) = if self.stopping { (0, 0) } else { self.start_ready().await? };
+        self.aftermath.turn(&self.tools, self.stopping).await?;
         let now = self.tools.clock.now();
         let due = self.tools.store.next_start(now).await?;
         Ok(Outcome { ended, started, held, running: self.running.len(), due })
@@ -164,6 +182,13 @@ impl Engine {
     /// Step 1.
     async fn record_ended(&mut self) -> Result<usize> {
         while let Ok(finished) = self.results.try_recv() {
+            if self.abandoned.remove(&finished.job) {
+                tracing::warn!(
+                    job = finished.job,
+                    "a run that was given up has ended; its result is thrown away"
+                );
+                continue;
+            }
             self.unrecorded.push_back(finished);
         }
         let mut ended = 0;
@@ -185,10 +210,11 @@ impl Engine {
     async fn pass_on_wishes(&mut self) -> Result<()> {
         for (job, wish) in self.tools.store.wishes().await? {
             if let Some(running) = self.running.get_mut(&job)
-                && running.stop.is_none()
+                && matches!(running.stop, None | Some(Stop::Stalled))
             {
                 tracing::info!(job, wish = wish.name(), "asked of a running job");
                 running.stop = Some(Stop::Wish(wish));
+                running.pulse.stop();
                 running.cancel.cancel();
             }
         }
@@ -200,6 +226,7 @@ impl Engine {
         let now = self.tools.clock.now();
         for look in self.tools.board.look(now) {
             let Some(running) = self.running.get_mut(&look.job) else { continue };
+            running.pulse.feel(look.moved_at, now);
             if look.moved_at > running.beat_at {
                 self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
                 if now - running.beat_at >= HEARTBEAT {
@@ -224,6 +251,13 @@ impl Engine {
             if !self.is_free(lane) {
                 if !self.has_free_lane() {
                     break;
+                }
+                continue;
+            }
+            if self.abandoned.contains(&job.id) {
+                held += 1;
+                if job.hold.as_deref() != Some(stall::HOLD) {
+                    self.tools.store.hold(job.id, Some(stall::HOLD), now).await?;
                 }
                 continue;
             }
@@ -265,7 +299,8 @@ impl Engine {
         self.tools.metrics.attempts.inc();
         self.tools.board.hang_up(job.id, progress, now);
         let id = job.id;
-        self.running.insert(id, Running { job, lane, cancel, stop: None, beat_at: now });
+        self.running
+            .insert(id, Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now) });
         worker::start(
             id,
             self.tools.converter.clone(),
@@ -326,5 +361,6 @@ impl Engine {
                 }
             }
         }
+        self.aftermath.stop(&self.tools, end).await;
     }
 }

@@ -60,6 +60,14 @@ impl Board {
         self.with(|entries| entries.get(&job).map(|entry| entry.reading(now)))
     }
 
+    /// How far all running jobs are.
+    pub fn readings(&self, now: Millis) -> Vec<(JobId, Reading)> {
+        let mut readings: Vec<_> =
+            self.with(|entries| entries.iter().map(|(job, entry)| (*job, entry.reading(now))).collect());
+        readings.sort_by_key(|(job, _)| *job);
+        readings
+    }
+
     fn with<T>(&self, use_it: impl FnOnce(&mut HashMap<JobId, Entry>) -> T) -> T {
         // The entries are plain figures: one that a panic left behind is still
         // readable.

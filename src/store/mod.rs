@@ -11,6 +11,8 @@
 
 pub mod board;
 mod intake;
+mod owed;
+mod purge;
 mod queue;
 mod row;
 mod views;
@@ -27,6 +29,7 @@ use sqlx::{SqlSafeStr, Sqlite, Transaction};
 use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
+pub use owed::Telling;
 pub use queue::{Ending, Recovered};
 pub use views::{Attempt, Counts, History};
 
@@ -61,8 +64,13 @@ pub type Result<T> = std::result::Result<T, StoreError>;
 /// The schema, one file a version; a released file is never edited again.
 const MIGRATIONS: &[(i64, &str, &str)] = &[
     (1, "queue", include_str!("../../migrations/0001_queue.sql")),
+    (2, "control", include_str!("../../migrations/0002_control.sql")),
     (3, "units", include_str!("../../migrations/0003_units.sql")),
 ];
+
+/// Lines of a job's history, and attempts: a job that is tried for a year must
+/// not fill the disk with its own story. The oldest go.
+const LONGEST_HISTORY: i64 = 500;
 
 /// The queue. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -144,6 +152,14 @@ async fn note(
         .bind(detail)
         .execute(&mut **tx)
         .await?;
+    sqlx::query(
+        "DELETE FROM event WHERE job = ?1 AND id <= \
+         (SELECT id FROM event WHERE job = ?1 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+    )
+    .bind(job)
+    .bind(LONGEST_HISTORY)
+    .execute(&mut **tx)
+    .await?;
     Ok(())
 }
 

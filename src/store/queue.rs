@@ -5,7 +5,7 @@
 
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{Result, Store, StoreError, note, row, step};
+use super::{LONGEST_HISTORY, Result, Store, StoreError, note, row, step};
 use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
 use crate::job::{Event, Job, JobId, State, Wish};
 
@@ -82,7 +82,7 @@ impl Store {
         sqlx::query(
             "UPDATE job SET state = ?, attempts = attempts + 1, lease_owner = ?, heartbeat_at = ?, \
              started_at = ?, updated_at = ?, hold = NULL, wish = NULL, error = NULL, staged = 0, \
-             finished_at = NULL WHERE id = ?",
+             sources = NULL, finished_at = NULL WHERE id = ?",
         )
         .bind(state.name())
         .bind(owner)
@@ -102,6 +102,11 @@ impl Store {
         .bind(job)
         .execute(&mut *tx)
         .await?;
+        sqlx::query("DELETE FROM attempt WHERE job = ?1 AND ord <= (SELECT max(ord) FROM attempt WHERE job = ?1) - ?2")
+            .bind(job)
+            .bind(LONGEST_HISTORY)
+            .execute(&mut *tx)
+            .await?;
         note(&mut tx, job, now, Event::Claim.name(), None).await?;
         let claimed = find(&mut tx, job).await?;
         tx.commit().await?;
@@ -238,13 +243,18 @@ impl Store {
     }
 
     pub async fn set_priority(&self, job: JobId, priority: i64, now: i64) -> Result<()> {
+        let mut tx = self.begin().await?;
         let changed = sqlx::query("UPDATE job SET priority = ?, updated_at = ? WHERE id = ?")
             .bind(priority)
             .bind(now)
             .bind(job)
-            .execute(&self.writer)
+            .execute(&mut *tx)
             .await?;
-        if changed.rows_affected() == 0 { Err(StoreError::NoSuchJob(job)) } else { Ok(()) }
+        if changed.rows_affected() == 0 {
+            return Err(StoreError::NoSuchJob(job));
+        }
+        note(&mut tx, job, now, "priority", Some(&priority.to_string())).await?;
+        Ok(tx.commit().await?)
     }
 
     /// After the lock on the state folder is taken no other daemon can hold a
@@ -318,8 +328,8 @@ async fn end_attempt(tx: &mut Tx, job: &Job, ending: &Ending, policy: &Policy, n
     let finished = (!state.is_open()).then_some(now);
     sqlx::query(
         "UPDATE job SET state = ?, attempts = ?, strikes = ?, postponements = ?, not_before = ?, error = ?, \
-         lease_owner = NULL, heartbeat_at = NULL, wish = NULL, staged = 0, updated_at = ?, finished_at = ? \
-         WHERE id = ?",
+         lease_owner = NULL, heartbeat_at = NULL, wish = NULL, staged = 0, updated_at = ?, finished_at = ?, \
+         hook = coalesce(?, hook) WHERE id = ?",
     )
     .bind(state.name())
     .bind(verdict.tally.attempts)
@@ -329,6 +339,7 @@ async fn end_attempt(tx: &mut Tx, job: &Job, ending: &Ending, policy: &Policy, n
     .bind(&error)
     .bind(now)
     .bind(finished)
+    .bind(finished.and((state != State::Cancelled).then_some(state.name())))
     .bind(job.id)
     .execute(&mut **tx)
     .await?;

@@ -68,6 +68,25 @@ impl Store {
         rows.iter().map(row::input).collect()
     }
 
+    /// The number of the latest line in any job's history.
+    pub async fn latest_event(&self) -> Result<i64> {
+        let row =
+            sqlx::query("SELECT coalesce(max(id), 0) AS id FROM event").fetch_one(&self.readers).await?;
+        Ok(row.try_get("id")?)
+    }
+
+    /// Jobs to which something happened after that line, the oldest first.
+    pub async fn jobs_since(&self, event: i64, limit: i64) -> Result<Vec<Job>> {
+        let rows = sqlx::query(
+            "SELECT * FROM job WHERE id IN (SELECT job FROM event WHERE id > ?) ORDER BY id DESC LIMIT ?",
+        )
+        .bind(event)
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().rev().map(row::job).collect()
+    }
+
     pub async fn attempts(&self, job: JobId) -> Result<Vec<Attempt>> {
         let rows = sqlx::query("SELECT * FROM attempt WHERE job = ? ORDER BY ord DESC LIMIT 100")
             .bind(job)

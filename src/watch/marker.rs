@@ -1,10 +1,12 @@
 //! `lodestone.json` in a folder: says that the folder is complete, and may give
-//! the octree's name, conversion options and a priority.
+//! the octree's name, conversion options, a priority, and what becomes of the
+//! folder once it is converted.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::sources::OnDone;
 use crate::stage::options::Options;
 
 /// The marker's file name.
@@ -20,6 +22,8 @@ pub struct Marker {
     /// Only those that differ from the daemon's own.
     pub options: serde_json::Map<String, serde_json::Value>,
     pub priority: i64,
+    /// What becomes of the folder afterwards, where not as configured.
+    pub on_done: Option<OnDone>,
 }
 
 impl Marker {
@@ -80,6 +84,7 @@ mod tests {
         for (text, word) in [
             ("", "wrong"),
             (r#"{"nmae": "x"}"#, "nmae"),
+            (r#"{"on_done": "burn"}"#, "burn"),
             (r#"{"options": {"samplng": "random"}}"#, "samplng"),
             (r#"{"options": {"sampling": "best"}}"#, "best"),
         ] {

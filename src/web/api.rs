@@ -1,6 +1,7 @@
 //! `/api/…`: jobs as JSON, and orders to them.
 
 use axum::Json;
+use axum::body::Bytes;
 use axum::extract::{Path, Query, State as Extract};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -8,9 +9,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::Shared;
+use crate::config::age::Age;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::board::Reading;
 use crate::store::{Attempt, History, StoreError};
+
+const MONTH: Age = Age(30 * 86_400_000);
 
 /// An answer that says what went wrong.
 pub(super) struct Refusal(StatusCode, String);
@@ -164,6 +168,26 @@ pub(super) async fn priority(
     shared.store.set_priority(id, wish.priority, shared.clock.now()).await?;
     shared.bell.notify_one();
     Ok(Json(view(&shared, shared.store.job(id).await?)).into_response())
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Purge {
+    older_than: Age,
+}
+
+/// Removes the records of jobs that ended long ago; 30 days where nothing is said.
+pub(super) async fn purge(Extract(shared): Extract<Shared>, body: Bytes) -> Result<Response, Refusal> {
+    let age = match body.trim_ascii() {
+        [] => MONTH,
+        body => {
+            let wish: Purge = serde_json::from_slice(body)
+                .map_err(|e| Refusal(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}")))?;
+            wish.older_than
+        }
+    };
+    let gone = shared.store.purge(shared.clock.now() - age.0, &shared.config.octrees()).await?;
+    Ok(Json(json!({ "purged": gone })).into_response())
 }
 
 /// The watched folders: how news of them comes, what is missing, what waits.

@@ -11,6 +11,7 @@ mod listener;
 mod octrees;
 mod page;
 mod probes;
+mod stream;
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +21,8 @@ use axum::Router;
 use axum::http::StatusCode;
 use axum::routing::{get, post};
 use serde::Serialize;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
+use tokio_util::sync::CancellationToken;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
 
@@ -67,9 +69,17 @@ pub struct Shared {
     pub health: Arc<Mutex<Health>>,
     /// Wakes the engine after an order.
     pub bell: Arc<Notify>,
+    /// Ends the event streams.
+    pub stop: CancellationToken,
+    /// Places for event streams.
+    pub streams: Arc<Semaphore>,
 }
 
 impl Shared {
+    pub fn streams() -> Arc<Semaphore> {
+        Arc::new(Semaphore::new(stream::MOST))
+    }
+
     pub fn health(&self) -> Health {
         self.health.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -83,8 +93,10 @@ impl Shared {
 pub fn router(shared: Shared) -> Router {
     let jobs = Router::new()
         .route("/", get(page::page))
+        .route("/page.js", get(page::script))
         .route("/metrics", get(probes::metrics))
         .route("/api/jobs", get(api::list))
+        .route("/api/jobs/purge", post(api::purge))
         .route("/api/jobs/{id}", get(api::show))
         .route("/api/jobs/{id}/retry", post(api::retry))
         .route("/api/jobs/{id}/cancel", post(api::cancel))
@@ -93,6 +105,9 @@ pub fn router(shared: Shared) -> Router {
         .route("/api/jobs/{id}/priority", post(api::priority))
         .route("/api/watch", get(api::watch))
         .layer(TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, LONGEST_REQUEST))
+        // Streams last as long as they are listened to.
+        .route("/api/events", get(stream::all))
+        .route("/api/jobs/{id}/events", get(stream::one))
         .merge(octrees::router(&shared.config))
         .layer(axum::middleware::from_fn_with_state(shared.clone(), guard::guard));
     // Whoever asks whether the daemon lives need not know a secret.

@@ -1,5 +1,6 @@
-//! `/`: the queue on a page that a person reads. Plain HTML without scripts or
-//! resources from elsewhere; it reloads itself.
+//! `/`: the queue on a page that a person reads. Plain HTML without resources from
+//! elsewhere. A small script listens to the events; without scripts the page
+//! reloads itself.
 
 use std::fmt::Write;
 
@@ -11,7 +12,8 @@ use super::Shared;
 use super::api::{self, JobView, Refusal};
 use crate::config::size::Size;
 
-const HEAD: &str = "<!doctype html><html lang=en><meta charset=utf-8><meta http-equiv=refresh content=2>\
+const HEAD: &str = "<!doctype html><html lang=en><meta charset=utf-8>\
+<noscript><meta http-equiv=refresh content=2></noscript><script src=/page.js defer></script>\
 <meta name=viewport content='width=device-width'><title>Lodestone</title><style>\
 body{font:15px/1.4 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222;background:#fff}\
 table{border-collapse:collapse;width:100%}td,th{text-align:left;padding:.3em .6em;border-bottom:1px solid #ddd;\
@@ -24,7 +26,7 @@ pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, R
     let jobs: Vec<JobView> = jobs.into_iter().map(|job| api::view(&shared, job)).collect();
     let health = shared.health();
     let mut html = String::from(HEAD);
-    html.push_str("<h1>Lodestone</h1><p>Drop LAS or LAZ files, or folders of tiles, into ");
+    html.push_str("<main><h1>Lodestone</h1><p>Drop LAS or LAZ files, or folders of tiles, into ");
     let folders: Vec<String> = health
         .watched
         .iter()
@@ -48,8 +50,15 @@ pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, R
         }
         html.push_str("</table>");
     }
-    let policy = "default-src 'none'; style-src 'unsafe-inline'";
+    html.push_str("</main>");
+    let policy = "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; connect-src 'self'; base-uri 'none'; \
+         form-action 'none'";
     Ok(([(header::CONTENT_SECURITY_POLICY, policy)], Html(html)).into_response())
+}
+
+/// What keeps the page as the daemon has it.
+pub(super) async fn script() -> Response {
+    ([(header::CONTENT_TYPE, "text/javascript; charset=utf-8")], include_str!("page.js")).into_response()
 }
 
 fn row(html: &mut String, view: &JobView) {
@@ -71,7 +80,7 @@ fn row(html: &mut String, view: &JobView) {
     };
     let _ = write!(
         html,
-        "<tr><td>{}<td>{name}<td class={state}>{state}<td>{}<td>{}<td>{}",
+        "<tr id=job-{0}><td>{0}<td>{name}<td class={state}>{state}<td>{1}<td>{2}<td>{3}",
         job.id,
         job.points,
         Size(job.bytes),

@@ -3,6 +3,9 @@
 //! Liveness says whether a restart would help; readiness says whether the work
 //! can go on. A full disk is no reason for a restart.
 
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
 use axum::extract::State as Extract;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -65,6 +68,11 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
             metrics.free_bytes.with_label_values(&[folder]).set(i64::try_from(free).unwrap_or(i64::MAX));
         }
     }
+    let scratch = shared.config.scratch();
+    let scratch = tokio::task::spawn_blocking(move || bytes_below(&scratch, 3)).await.unwrap_or_default();
+    metrics.scratch_bytes.set(i64::try_from(scratch).unwrap_or(i64::MAX));
+    metrics.event_streams.set(super::stream::MOST.saturating_sub(shared.streams.available_permits()) as i64);
+    metrics.runtime_tasks.set(tokio::runtime::Handle::current().metrics().num_alive_tasks() as i64);
     let counts = shared.store.counts().await?;
     for (state, jobs) in &counts.by_state {
         metrics.jobs.with_label_values(&[state.name()]).set(*jobs);
@@ -73,4 +81,16 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
     let age = counts.oldest_queued.map_or(0, |oldest| (now - oldest).max(0));
     metrics.oldest_queued_seconds.set(age as f64 / 1000.0);
     Ok(())
+}
+
+/// What files take of the disk. They come and go while we look; what is gone
+/// takes nothing.
+fn bytes_below(folder: &Path, depth: u32) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let bytes = entries.flatten().map(|entry| match entry.metadata() {
+        Ok(meta) if meta.is_dir() && depth > 0 => bytes_below(&entry.path(), depth - 1),
+        Ok(meta) if meta.is_file() => meta.blocks().saturating_mul(512),
+        _ => 0,
+    });
+    bytes.sum()
 }

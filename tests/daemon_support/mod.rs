@@ -102,6 +102,10 @@ impl Daemon {
     }
 
     pub fn start_with(root: &Path, more: &[&str]) -> Daemon {
+        Daemon::start_with_env(root, more, &[])
+    }
+
+    pub fn start_with_env(root: &Path, more: &[&str], variables: &[(&str, &str)]) -> Daemon {
         let log = root.with_extension(format!("{}.log", std::process::id()));
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
         let mut child = Command::new(env!("CARGO_BIN_EXE_lodestone"))
@@ -109,6 +113,7 @@ impl Daemon {
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
+            .envs(variables.iter().copied())
             .stdout(Stdio::piped())
             .stderr(errors)
             .spawn()

@@ -1,0 +1,29 @@
+//! What becomes of a data set's files once its octree is published.
+
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum OnDone {
+    /// They stay where they are.
+    #[default]
+    Keep,
+    /// They go to `done/<name>/` under the root.
+    Move,
+    /// They are removed.
+    Delete,
+}
+
+impl OnDone {
+    pub fn name(self) -> &'static str {
+        match self {
+            OnDone::Keep => "keep",
+            OnDone::Move => "move",
+            OnDone::Delete => "delete",
+        }
+    }
+
+    pub fn parse(name: &str) -> Option<OnDone> {
+        [OnDone::Keep, OnDone::Move, OnDone::Delete].into_iter().find(|what| what.name() == name)
+    }
+}
