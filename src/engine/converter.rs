@@ -21,7 +21,8 @@ pub struct Work {
 pub struct Report {
     pub points_in: u64,
     pub points_out: u64,
-    pub points_set_aside: u64,
+    /// Points that were kept out, by reason.
+    pub set_aside: Vec<(&'static str, u64)>,
     pub output_bytes: u64,
     pub seconds_by_stage: Vec<(&'static str, f64)>,
     /// All of the conversion's report, for the job's record.
@@ -65,7 +66,7 @@ impl Converter for Conduct {
         Ok(Report {
             points_in: outcome.points_in,
             points_out: outcome.points_out,
-            points_set_aside: outcome.points_set_aside,
+            set_aside: outcome.set_aside.iter().map(|(reason, points)| (reason.name(), *points)).collect(),
             output_bytes: outcome.output_bytes,
             seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (stage.name(), *s)).collect(),
             json: serde_json::to_value(&outcome).unwrap_or_default(),

@@ -85,7 +85,9 @@ impl Engine {
         if let (Event::Succeed, Ok(report)) = (event, &finished.result) {
             metrics.points_read.inc_by(report.points_in);
             metrics.points_written.inc_by(report.points_out);
-            metrics.set_aside("other", report.points_set_aside);
+            for (reason, points) in &report.set_aside {
+                metrics.set_aside(reason, *points);
+            }
             metrics.input_bytes.inc_by(running.job.bytes);
             metrics.output_bytes.inc_by(report.output_bytes);
             for (stage, seconds) in &report.seconds_by_stage {
