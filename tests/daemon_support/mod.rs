@@ -88,6 +88,27 @@ pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     panic!("waited in vain for {what}");
 }
 
+/// Sends a request; the answer's status, head and body.
+pub fn ask(address: &str, head: &str, body: &str) -> (u16, String, Vec<u8>) {
+    let mut stream = TcpStream::connect(address).expect("connected");
+    stream.set_read_timeout(Some(Duration::from_secs(30))).expect("set");
+    let (first, more) = head.split_once('\n').unwrap_or((head, ""));
+    let more = more.lines().map(|line| format!("{line}\r\n")).collect::<String>();
+    let host = if more.contains("Host:") { String::new() } else { format!("Host: {address}\r\n") };
+    let length = body.len();
+    let text = format!(
+        "{first} HTTP/1.1\r\n{host}Connection: close\r\nContent-Length: {length}\r\n{more}\r\n{body}"
+    );
+    stream.write_all(text.as_bytes()).expect("sent");
+    let mut answer = Vec::new();
+    // A refused request may end in a reset after the answer.
+    let _ = stream.read_to_end(&mut answer);
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap_or(answer.len());
+    let head = String::from_utf8_lossy(&answer[..end]).into_owned();
+    let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
+    (status, head, answer[(end + 4).min(answer.len())..].to_vec())
+}
+
 /// The real daemon.
 pub struct Daemon {
     pub child: Child,
@@ -141,23 +162,7 @@ impl Daemon {
 
     /// Sends a request; the answer's status, head and body.
     pub fn ask(&self, head: &str, body: &str) -> (u16, String, Vec<u8>) {
-        let mut stream = TcpStream::connect(&self.address).expect("connected");
-        stream.set_read_timeout(Some(Duration::from_secs(30))).expect("set");
-        let (first, more) = head.split_once('\n').unwrap_or((head, ""));
-        let more = more.lines().map(|line| format!("{line}\r\n")).collect::<String>();
-        let host = if more.contains("Host:") { String::new() } else { format!("Host: {}\r\n", self.address) };
-        let length = body.len();
-        let text = format!(
-            "{first} HTTP/1.1\r\n{host}Connection: close\r\nContent-Length: {length}\r\n{more}\r\n{body}"
-        );
-        stream.write_all(text.as_bytes()).expect("sent");
-        let mut answer = Vec::new();
-        // A refused request may end in a reset after the answer.
-        let _ = stream.read_to_end(&mut answer);
-        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap_or(answer.len());
-        let head = String::from_utf8_lossy(&answer[..end]).into_owned();
-        let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
-        (status, head, answer[(end + 4).min(answer.len())..].to_vec())
+        ask(&self.address, head, body)
     }
 
     pub fn get(&self, path: &str) -> (u16, String) {
