@@ -39,6 +39,9 @@ use worker::Finished;
 const LOOK_AHEAD: i64 = 1000;
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
+/// How often scratch is swept though no run ended, in milliseconds: a job that is
+/// called off while it waits leaves what its last run left.
+const SWEEP: Millis = 60_000;
 
 /// What the engine works with.
 #[derive(Clone)]
@@ -89,6 +92,7 @@ pub struct Engine {
     sender: mpsc::UnboundedSender<Finished>,
     /// Ended runs that the queue could not record yet.
     unrecorded: VecDeque<Finished>,
+    swept_at: Millis,
     stopping: bool,
 }
 
@@ -102,6 +106,7 @@ impl Engine {
             results,
             sender,
             unrecorded: VecDeque::new(),
+            swept_at: 0,
             stopping: false,
         }
     }
@@ -172,7 +177,7 @@ impl Engine {
             self.tools.board.take_down(job);
             ended += 1;
         }
-        if ended > 0 {
+        if ended > 0 || (self.tools.clock.now() - self.swept_at).abs() >= SWEEP {
             self.sweep().await?;
         }
         Ok(ended)
@@ -197,9 +202,10 @@ impl Engine {
         let now = self.tools.clock.now();
         for look in self.tools.board.look(now) {
             let Some(running) = self.running.get_mut(&look.job) else { continue };
-            if look.moved_at > running.beat_at {
+            // Not `>`: a clock that was set back would silence a job that moves.
+            if look.moved_at != running.beat_at {
                 self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
-                if now - running.beat_at >= HEARTBEAT {
+                if (now - running.beat_at).abs() >= HEARTBEAT {
                     running.beat_at = look.moved_at;
                     self.tools.store.heartbeat(look.job, &self.owner, now).await?;
                 }
@@ -216,7 +222,8 @@ impl Engine {
             return Ok((0, 0));
         }
         let now = self.tools.clock.now();
-        for job in self.tools.store.ready(now, LOOK_AHEAD).await? {
+        let longest_wait = config.policy.longest_wait.max(config.policy.first_wait);
+        for job in self.tools.store.ready(now, longest_wait, LOOK_AHEAD).await? {
             let lane = Lane::of(&job, &config);
             if !self.is_free(lane) {
                 if !self.has_free_lane() {
@@ -227,9 +234,14 @@ impl Engine {
             let inputs = self.tools.store.inputs(job.id).await?;
             let in_hand: Vec<(Lane, u64)> =
                 self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
-            if let Some(reason) = preflight::reason_to_hold(&job, &inputs, &in_hand, &self.tools) {
+            let trouble = preflight::input_trouble(&inputs);
+            let is_input = trouble.is_some();
+            if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
                 held += 1;
                 if job.hold.as_deref() != Some(reason.as_str()) {
+                    if is_input && self.tools.store.give_way(job.id, &reason, now).await? {
+                        continue;
+                    }
                     tracing::warn!(job = job.id, name = job.name, reason, "held");
                     self.tools.store.hold(job.id, Some(&reason), now).await?;
                 }
@@ -282,7 +294,8 @@ impl Engine {
     }
 
     /// Clears what jobs without work before them left in scratch and staging.
-    async fn sweep(&self) -> Result<()> {
+    async fn sweep(&mut self) -> Result<()> {
+        self.swept_at = self.tools.clock.now();
         let open = self.tools.store.open_jobs().await?;
         let (config, disk) = (self.tools.config.clone(), self.tools.disk.clone());
         let swept = tokio::task::spawn_blocking(move || janitor::sweep(&config, &disk, &open)).await;

@@ -1,7 +1,10 @@
 //! Before a job is started: is there a lane, room and input for it? What does not
 //! fit is held with a reason, and what is behind it and fits goes first.
 
+use std::io;
 use std::path::PathBuf;
+
+use rustix::fs::{Access, access};
 
 use super::Tools;
 use crate::config::Config;
@@ -55,28 +58,18 @@ pub(super) fn room(job: &Job) -> u64 {
     }
 }
 
-/// Why a job must not start now, if so.
-pub(super) fn reason_to_hold(
-    job: &Job,
-    inputs: &[Input],
-    in_hand: &[(Lane, u64)],
-    tools: &Tools,
-) -> Option<String> {
-    for input in inputs {
-        match difference(input) {
-            Some(Difference::Missing) => {
-                return Some(format!("{} is not there (a missing mount?)", input.path.display()));
-            }
-            Some(Difference::Changed) => {
-                return Some(format!("{} has changed; waiting until it is quiet", input.path.display()));
-            }
-            None => {}
+/// Why a job's inputs cannot be read as they were queued, if so.
+pub(super) fn input_trouble(inputs: &[Input]) -> Option<String> {
+    inputs.iter().find_map(|input| match difference(input)? {
+        Difference::Missing => Some(format!("{} is not there (a missing mount?)", input.path.display())),
+        Difference::Changed => {
+            Some(format!("{} has changed; waiting until it is quiet", input.path.display()))
         }
-    }
-    no_room(job, in_hand, tools)
+    })
 }
 
-fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
+/// Why a job must wait for its disks, if so.
+pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
     // What runs in the heavy lane has room set apart for all of its work, though
     // part of that is used already: rather wait than run into a full disk. A
     // light job needs too little to be held by that.
@@ -86,6 +79,11 @@ fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> 
     };
     let needed = room(job).saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
     for folder in [tools.config.scratch(), tools.config.octrees()] {
+        // As after an I/O error, when the system mounts it anew for reading only:
+        // then no job should fail for it, one after the other.
+        if let Err(errno) = access(&folder, Access::WRITE_OK) {
+            return Some(format!("{} cannot be written to: {}", folder.display(), io::Error::from(errno)));
+        }
         match tools.disk.free_space(&folder) {
             Ok(free) if free < needed => {
                 return Some(format!(

@@ -13,6 +13,7 @@ pub mod board;
 mod intake;
 mod queue;
 mod row;
+mod sharing;
 mod views;
 
 use std::path::{Path, PathBuf};

@@ -102,6 +102,11 @@ impl Watcher {
         self.known.insert(path.to_path_buf(), stamp);
     }
 
+    /// Looks at a data set as if it were new, should it be there.
+    pub fn forget(&mut self, path: &Path) {
+        self.known.remove(path);
+    }
+
     /// Looks at every watched folder once.
     pub fn scan(&mut self, now: Millis) -> Report {
         let mut report = Report::default();
