@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+pub mod small_disk;
+
 /// The bytes of a LAS 1.2 file with `points` points of format 0, spread evenly
 /// and always the same for the same `seed`.
 pub fn las(points: u32, seed: u64) -> Vec<u8> {
@@ -123,9 +125,16 @@ impl Daemon {
     }
 
     pub fn start_with(root: &Path, more: &[&str]) -> Daemon {
+        Daemon::start_by(&[], root, more)
+    }
+
+    /// Started by another program, as one that sets limits.
+    pub fn start_by(wrapper: &[&str], root: &Path, more: &[&str]) -> Daemon {
+        let line: Vec<&str> = wrapper.iter().copied().chain([env!("CARGO_BIN_EXE_lodestone")]).collect();
         let log = root.with_extension(format!("{}.log", std::process::id()));
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+        let mut child = Command::new(line[0])
+            .args(&line[1..])
             .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4", "--rescan-seconds", "1"])
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
