@@ -114,15 +114,61 @@ impl Disk {
 
     /// Creates a file, or empties the one that is there.
     pub fn create(&self, path: &Path) -> Result<DiskFile> {
+        self.open_for_writing(path, true)
+    }
+
+    /// Opens a file to go on writing it, or creates it.
+    pub fn reopen(&self, path: &Path) -> Result<DiskFile> {
+        self.open_for_writing(path, false)
+    }
+
+    fn open_for_writing(&self, path: &Path, truncate: bool) -> Result<DiskFile> {
         self.strike("create", path)?;
         let file = OpenOptions::new()
             .read(true)
             .write(true)
             .create(true)
-            .truncate(true)
+            .truncate(truncate)
             .open(path)
             .map_err(|e| DiskError::new("create", path, e))?;
         Ok(DiskFile { file, path: path.to_path_buf(), disk: self.clone() })
+    }
+
+    /// Makes a file of ours last that is open nowhere; one that is gone is fine.
+    pub fn sync_file(&self, path: &Path) -> Result<()> {
+        self.strike("sync", path)?;
+        match File::open(path).and_then(|file| file.sync_data()) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(DiskError::new("sync", path, e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Locks a folder for this process, as long as the lock is kept and whatever
+    /// the folder is called by then; nothing where another process has it. The
+    /// lock ends with the process, however that ends.
+    pub fn try_lock_dir(&self, path: &Path) -> Result<Option<DirLock>> {
+        use rustix::fs::{FlockOperation, flock};
+        let folder = File::open(path).map_err(|e| DiskError::new("open", path, e))?;
+        match flock(&folder, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Some(DirLock { _folder: folder })),
+            Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
+            Err(errno) => Err(DiskError::new("lock", path, errno.into())),
+        }
+    }
+
+    /// Empties a folder, which stays, or makes it.
+    pub fn empty_dir(&self, path: &Path) -> Result<()> {
+        self.create_dir_all(path)?;
+        let failed = |e| DiskError::new("empty the folder", path, e);
+        for entry in fs::read_dir(path).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            if entry.file_type().map_err(failed)?.is_dir() {
+                self.remove_dir_all(&entry.path())?;
+            } else {
+                self.remove_file(&entry.path())?;
+            }
+        }
+        Ok(())
     }
 
     /// Writes a whole small file so that it is there whole or not at all, also
@@ -182,6 +228,12 @@ impl Disk {
     }
 }
 
+/// A lock on a folder; dropping it lets go.
+#[derive(Debug)]
+pub struct DirLock {
+    _folder: File,
+}
+
 /// A file open for positioned reads and writes, from several threads at once.
 #[derive(Debug)]
 pub struct DiskFile {
@@ -207,6 +259,25 @@ impl DiskFile {
 
     pub fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> Result<()> {
         self.file.read_exact_at(bytes, offset).map_err(|e| DiskError::new("read from", &self.path, e))
+    }
+
+    /// Its length in bytes.
+    pub fn length(&self) -> Result<u64> {
+        let metadata = self.file.metadata();
+        metadata.map(|m| m.len()).map_err(|e| DiskError::new("look at", &self.path, e))
+    }
+
+    /// Bytes of disk that it takes up now; less than its length where it has holes.
+    pub fn allocated(&self) -> Result<u64> {
+        use std::os::unix::fs::MetadataExt;
+        let metadata = self.file.metadata();
+        metadata.map(|m| m.blocks() * 512).map_err(|e| DiskError::new("look at", &self.path, e))
+    }
+
+    /// Cuts off what lies behind `length`.
+    pub fn cut_to(&self, length: u64) -> Result<()> {
+        self.disk.strike("cut", &self.path)?;
+        self.file.set_len(length).map_err(|e| DiskError::new("cut", &self.path, e))
     }
 
     /// Makes what was written last.

@@ -1,6 +1,6 @@
 //! `lodestone convert`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Exit;
@@ -9,6 +9,7 @@ use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::{Encoding, Options, Sampling};
+use crate::stage::staging::staging_folder;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
 #[derive(Debug, clap::Args)]
@@ -58,7 +59,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let scratch_root = arguments.temp_dir.or_else(|| output.parent().map(PathBuf::from)).unwrap_or_default();
     let context = Context {
         disk: Disk::new(),
-        scratch: scratch_root.join(format!(".{name}.scratch-{}", std::process::id())),
+        scratch: scratch_root.join(scratch_name(&name, &output)),
         threads: arguments.threads.map_or_else(crate::stage::machine::threads, usize::from),
         memory_limit: arguments.memory_limit.unwrap_or_else(crate::stage::machine::default_memory_limit),
         cancel: Cancel::default(),
@@ -68,6 +69,7 @@ pub fn run(arguments: Arguments) -> Exit {
         inputs: arguments.inputs,
         output,
         overwrite: arguments.overwrite,
+        keep_scratch: false,
         options: Options {
             sampling: arguments.sampling,
             encoding: arguments.encoding,
@@ -88,9 +90,26 @@ pub fn run(arguments: Arguments) -> Exit {
         }
         Err(error) => {
             progress::failed(style, &error);
-            super::failed(&error)
+            let exit = super::failed(&error);
+            if context.scratch.exists() && style != Style::Json {
+                let (scratch, staging) = (&context.scratch, staging_folder(&request.output));
+                eprintln!(
+                    "what is done is kept in {} and {}: the same command goes on from there",
+                    scratch.display(),
+                    staging.display()
+                );
+            }
+            exit
         }
     }
+}
+
+/// The same for the same output, so that a conversion finds what it has done,
+/// and another for every other, so that many can share one folder.
+fn scratch_name(name: &str, output: &Path) -> String {
+    let output = std::path::absolute(output).unwrap_or_else(|_| output.to_path_buf());
+    let hash = blake3::hash(output.as_os_str().as_encoded_bytes()).to_hex();
+    format!(".{name}-{}.scratch", &hash[..8])
 }
 
 fn print_outcome(request: &Request, outcome: &Outcome) {

@@ -9,13 +9,15 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use serde::{Deserialize, Serialize};
+
 use super::node::NodeKey;
 
 /// Levels that a refinement adds at once: 32³ cells.
 const REFINEMENT_LEVELS: u32 = 5;
 
 /// Counts on the cells of one octree level within a box of cells.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Grid {
     /// Level of the octree whose nodes are this grid's cells.
     pub level: u32,
@@ -26,6 +28,7 @@ pub struct Grid {
     pub dims: [u32; 3],
     counts: Vec<AtomicU64>,
     /// What a cell leads to, as the user of the grid sees fit.
+    #[serde(skip)]
     pub links: Vec<u32>,
 }
 
@@ -74,7 +77,7 @@ pub const REFINED: u32 = 1 << 31;
 pub const NO_LINK: u32 = u32::MAX;
 
 /// All counts of a cloud: the grid over its box first, then the refinements.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Census {
     bits: u32,
     pub grids: Vec<Grid>,

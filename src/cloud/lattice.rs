@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 /// How one file stores positions, and the box of the integers it really holds.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SourceGrid {
     pub scale: [f64; 3],
     pub offset: [f64; 3],

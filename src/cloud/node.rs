@@ -2,9 +2,11 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 /// A node of the octree: `level` steps below the root, at integer coordinates
 /// among the 2^level cubes of that level on each axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct NodeKey {
     pub level: u8,
     pub at: [u32; 3],

@@ -1,10 +1,12 @@
 //! Statistics of attributes that add up in any order: each chunk makes its own,
 //! and their sum is the same whatever the threads did.
 
+use serde::{Deserialize, Serialize};
+
 use super::attribute::{Scalar, Schema};
 
 /// What is known of one attribute over a set of points.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AttributeStatistics {
     /// Smallest and largest stored value per element; `min > max` where there
     /// was no value (no points, or only NaN).
@@ -39,7 +41,7 @@ impl AttributeStatistics {
 }
 
 /// Statistics of all attributes of a schema.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     pub attributes: Vec<AttributeStatistics>,
 }

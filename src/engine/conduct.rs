@@ -3,22 +3,24 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::disk::Disk;
+use crate::disk::{DirLock, Disk};
 use crate::format::inputs;
-use crate::format::potree;
 use crate::stage::context::{Context, Stage};
 use crate::stage::distribute::distribute;
 use crate::stage::error::StageError;
 use crate::stage::index::index;
 use crate::stage::merge::merge;
-use crate::stage::options::{Encoding, Options};
-use crate::stage::output::OctreeFile;
-use crate::stage::publish::{Octree, publish, staging_folder};
-use crate::stage::survey::{Survey, survey};
+use crate::stage::options::Options;
+use crate::stage::publish::{self, Octree};
+use crate::stage::receipt::Receipt;
+use crate::stage::scratch::Scratch;
+use crate::stage::staging::{self, Staging, staging_folder};
+use crate::stage::survey::{self, Opened};
 
 /// What is to be converted into which folder.
 #[derive(Debug, Clone)]
@@ -28,11 +30,14 @@ pub struct Request {
     /// The octree's folder; made, or replaced in one step.
     pub output: PathBuf,
     pub overwrite: bool,
+    /// Whether receipts and intermediate files stay when all went well, because
+    /// the caller has yet to note that; asked again, it gets the same outcome.
+    pub keep_scratch: bool,
     pub options: Options,
 }
 
 /// How a conversion went.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Outcome {
     pub files: u64,
     pub points_in: u64,
@@ -50,8 +55,10 @@ pub struct Outcome {
     pub exact: bool,
     /// Most that a position can have moved, in units of the octree's scale.
     pub max_error_units: f64,
+    /// Units of work that an earlier run had done.
+    pub units_resumed: u64,
     /// Wall time by stage, in seconds.
-    pub seconds_by_stage: BTreeMap<&'static str, f64>,
+    pub seconds_by_stage: BTreeMap<Stage, f64>,
     /// Attributes that were left out because they are zero in every point.
     pub unused_attributes: Vec<String>,
     /// What was odd about the inputs.
@@ -76,27 +83,85 @@ impl ConductError {
 
 /// Converts on the calling thread and `context.threads` others. Whatever
 /// happens, what stood in the output's place before stays until the new octree
-/// is complete, and nothing half-made stays behind.
+/// is complete. What a conversion out of core has done stays too when it is
+/// stopped, or fails in a way that may pass: asked again, it goes on from there.
 pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(context.threads)
         .thread_name(|i| format!("convert-{i}"))
         .build()
         .map_err(|e| StageError::Inconsistent(format!("no threads could be started: {e}")))?;
-    let staging = staging_folder(&request.output);
-    let clean = CleanUp { disk: context.disk.clone(), folders: [staging, context.scratch.clone()] };
-    let outcome = pool.install(|| run_stages(request, context));
-    drop(clean);
-    outcome.map_err(ConductError)
+    let mut outcome = pool.install(|| run_once(request, context));
+    if let Err(Ended { error, resumed: true }) = &outcome
+        && matches!(error, StageError::Inconsistent(_) | StageError::InputChanged(_))
+    {
+        // What an earlier run left was not what its receipts said, though it
+        // looked so. Its remains are gone now; this time from the beginning.
+        tracing::warn!(%error, "could not go on from an earlier run; beginning anew");
+        outcome = pool.install(|| run_once(request, context));
+    }
+    Ok(outcome.map_err(|ended| ended.error)?)
 }
 
-/// Removes what a conversion leaves behind, also when it panics.
-struct CleanUp {
+struct Ended {
+    error: StageError,
+    /// Whether it had gone on from an earlier run.
+    resumed: bool,
+}
+
+fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
+    let mut traces = Traces::new(request, context);
+    let result = run_stages(request, context, &mut traces);
+    let resumed = traces.resumed;
+    match &result {
+        Ok(_) if request.keep_scratch => traces.folders.truncate(1),
+        Ok(_) => {}
+        Err(error) if may_go_on(error) && traces.receipted => traces.folders.clear(),
+        Err(_) => {}
+    }
+    result.map_err(|error| Ended { error, resumed })
+}
+
+/// Whether what is done is of use to the next run.
+fn may_go_on(error: &StageError) -> bool {
+    // A changed input is another conversion.
+    error.retry_can_help() && !matches!(error, StageError::InputChanged(_))
+}
+
+/// What a conversion leaves behind if nobody takes it away; also when it panics.
+struct Traces {
     disk: Disk,
-    folders: [PathBuf; 2],
+    /// Staging, then scratch; empty until they are ours.
+    folders: Vec<PathBuf>,
+    wanted: [PathBuf; 2],
+    /// Whether there are receipts, and whether earlier ones were taken up.
+    receipted: bool,
+    resumed: bool,
+    /// Held until all is taken away.
+    locks: Vec<Arc<DirLock>>,
 }
 
-impl Drop for CleanUp {
+impl Traces {
+    fn new(request: &Request, context: &Context) -> Traces {
+        let wanted = [staging_folder(&request.output), context.scratch.clone()];
+        Traces {
+            disk: context.disk.clone(),
+            folders: Vec::new(),
+            wanted,
+            receipted: false,
+            resumed: false,
+            locks: Vec::new(),
+        }
+    }
+
+    fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>) {
+        self.folders = self.wanted.to_vec();
+        self.locks.push(staging.lock.clone());
+        self.locks.extend(scratch.map(|scratch| scratch.lock.clone()));
+    }
+}
+
+impl Drop for Traces {
     fn drop(&mut self) {
         for folder in &self.folders {
             if let Err(error) = self.disk.remove_dir_all(folder) {
@@ -106,80 +171,115 @@ impl Drop for CleanUp {
     }
 }
 
-fn run_stages(request: &Request, context: &Context) -> Result<Outcome, StageError> {
+fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Result<Outcome, StageError> {
+    let (disk, options) = (&context.disk, &request.options);
     let mut times = Times::default();
-    if request.output.exists() && !request.overwrite {
+    let taken = request.output.exists() && !request.overwrite;
+    if taken && !context.scratch.exists() {
         return Err(StageError::OutputExists(request.output.clone()));
     }
     let paths = inputs::expand(&request.inputs)?;
     if paths.is_empty() {
         return Err(StageError::NoInputs);
     }
-    let survey = times.measure(Stage::Survey, || survey(&paths, &request.options, context))?;
-    let octree_file = create_octree_file(request, &survey, context)?;
-    let written_before = context.disk.bytes_written();
-    let runs = times.measure(Stage::Distribute, || distribute(&survey, context))?;
-    let scratch_bytes = context.disk.bytes_written() - written_before;
-    let indexed =
-        times.measure(Stage::Index, || index(&survey, &runs, &octree_file, &request.options, context))?;
+    let mut opened = survey::open(&paths, context)?;
+    let staging = Staging::open(disk, &request.output)?;
+    let scratch = open_scratch(request, context, &opened, &staging)?;
+    traces.are_ours(&staging, scratch.as_deref());
+    if let Some(outcome) = scratch.as_ref().and_then(|scratch| finished_before(request, scratch)) {
+        context.progress.begin(Stage::Done, outcome.points_in);
+        context.progress.advance(outcome.points_in);
+        return Ok(outcome);
+    }
+    if taken {
+        return Err(StageError::OutputExists(request.output.clone()));
+    }
+    let units_resumed = scratch.as_ref().map_or(0, |scratch| scratch.past.units);
+    (traces.receipted, traces.resumed) = (scratch.is_some(), units_resumed > 0);
+    if units_resumed > 0 {
+        tracing::info!(units = units_resumed, "going on from an earlier run");
+        opened.notes.push(format!("went on from an earlier run that had done {units_resumed} units of work"));
+    }
+
+    let survey =
+        times.measure(Stage::Survey, || survey::survey(opened, options, scratch.as_deref(), context))?;
+    let octree_file = staging.octree_file(&survey, scratch.as_ref(), options, context)?;
+    let runs = times.measure(Stage::Distribute, || distribute(&survey, scratch.as_ref(), context))?;
+    let indexed = times.measure(Stage::Index, || index(&survey, &runs, &octree_file, options, context))?;
     drop(runs);
-    let (statistics, points) =
-        times.measure(Stage::Merge, || merge(&survey, indexed, &octree_file, &request.options, context))?;
-    let published = times.measure(Stage::Publish, || {
+    let (statistics, points) = times.measure(Stage::Merge, || {
+        merge(&survey, indexed, &octree_file, scratch.as_ref(), options, context)
+    })?;
+    let completed = times.measure(Stage::Publish, || {
         for input in &survey.inputs {
             input.las.check_unchanged()?;
         }
         let (nodes, length) = octree_file.finish()?;
         let octree = Octree { survey: &survey, nodes: &nodes, length, statistics: &statistics };
-        publish(&octree, &request.output, request.overwrite, &request.options, context)
+        publish::complete(&octree, &staging.folder, &request.output, options, context)
     })?;
-    context.progress.begin(Stage::Done, survey.points);
-    context.progress.advance(survey.points);
-    Ok(Outcome {
+    let outcome = Outcome {
         files: paths.len() as u64,
         points_in: survey.points,
         points_out: points,
         points_set_aside: 0,
-        nodes: published.nodes,
-        depth: published.depth,
+        nodes: completed.nodes,
+        depth: completed.depth,
         chunks: survey.plan.chunks.len() as u64,
-        output_bytes: published.bytes,
-        scratch_bytes,
+        output_bytes: completed.bytes,
+        scratch_bytes: scratch.as_ref().map_or(Ok(0), |scratch| scratch.bytes())?,
         exact: survey.lattice.is_exact(),
         max_error_units: if survey.lattice.is_exact() { 0.0 } else { 0.5 },
+        units_resumed,
         seconds_by_stage: times.0,
         unused_attributes: survey.unified.unused,
         notes: survey.notes,
-    })
+    };
+    if let Some(scratch) = &scratch {
+        let (inode, outcome) = (staging.inode()?, serde_json::to_string(&outcome).unwrap_or_default());
+        scratch.receipt(&Receipt::Finished { inode, outcome })?;
+        scratch.sync()?;
+    }
+    publish::swap_in(disk, &staging.folder, &request.output, request.overwrite)?;
+    context.progress.begin(Stage::Done, survey.points);
+    context.progress.advance(survey.points);
+    Ok(outcome)
 }
 
-/// Makes the staging folder and the file for the points in it, if there is
-/// room for them.
-fn create_octree_file(
+/// The scratch folder of a cloud that does not fit the memory, with what an
+/// earlier run of the same conversion left there.
+fn open_scratch(
     request: &Request,
-    survey: &Survey,
     context: &Context,
-) -> Result<OctreeFile, StageError> {
-    let staging = staging_folder(&request.output);
-    let bytes = survey.points * survey.unified.schema.record_size() as u64;
-    // Brotli needs at least a fifth of the plain bytes; less is not worth a try.
-    let needed = match request.options.encoding {
-        Encoding::Default => bytes,
-        Encoding::Brotli => bytes / 5,
-    };
-    let free = context.disk.free_space(&staging)?;
-    if free < needed {
-        return Err(StageError::NoRoom { folder: staging, needed, free });
+    opened: &Opened,
+    staging: &Staging,
+) -> Result<Option<Arc<Scratch>>, StageError> {
+    if opened.in_core {
+        context.disk.remove_dir_all(&context.scratch)?;
+        return Ok(None);
     }
-    context.disk.remove_dir_all(&staging)?;
-    context.disk.create_dir_all(&staging)?;
-    let file = context.disk.create(&staging.join(potree::OCTREE))?;
-    Ok(OctreeFile::new(file, context.memory_limit / 8))
+    let identity = opened.identity(&request.options, &request.output);
+    let mut scratch = Scratch::open(&context.disk, context.scratch.clone(), identity)?;
+    if !staging.holds(&scratch) {
+        tracing::warn!(folder = %staging.folder.display(), "the octree in the making is gone or cut");
+        scratch.past.built.clear();
+    }
+    Ok(Some(Arc::new(scratch)))
+}
+
+/// The outcome of an earlier run that died after it had given the octree its
+/// name.
+fn finished_before(request: &Request, scratch: &Scratch) -> Option<Outcome> {
+    let (inode, outcome) = scratch.past.finished.as_ref()?;
+    if staging::inode(&request.output) != Some(*inode) {
+        return None;
+    }
+    serde_json::from_str(outcome).ok()
 }
 
 /// Wall time by stage.
 #[derive(Default)]
-struct Times(BTreeMap<&'static str, f64>);
+struct Times(BTreeMap<Stage, f64>);
 
 impl Times {
     fn measure<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
@@ -187,7 +287,7 @@ impl Times {
         let result = work();
         let seconds = start.elapsed().as_secs_f64();
         tracing::debug!(stage = stage.name(), seconds, "stage done");
-        self.0.insert(stage.name(), seconds);
+        self.0.insert(stage, seconds);
         result
     }
 }

@@ -53,6 +53,8 @@ impl Converter for Conduct {
             output: work.output.clone(),
             // What an earlier attempt may have left.
             overwrite: true,
+            // Until the queue knows that the octree is there.
+            keep_scratch: true,
             options: work.options.clone(),
         };
         let outcome = conduct::convert(&request, context).map_err(|error| Failure {
@@ -65,7 +67,7 @@ impl Converter for Conduct {
             points_out: outcome.points_out,
             points_set_aside: outcome.points_set_aside,
             output_bytes: outcome.output_bytes,
-            seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (*stage, *s)).collect(),
+            seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (stage.name(), *s)).collect(),
             json: serde_json::to_value(&outcome).unwrap_or_default(),
         })
     }

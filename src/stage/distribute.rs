@@ -10,10 +10,11 @@ use std::sync::{Arc, Mutex};
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::survey::Survey;
+use super::receipt::Receipt;
+use super::scratch::Scratch;
+use super::survey::{Kept, Survey, Unit};
 use super::workers;
 use crate::cloud::record;
-use crate::disk::DiskFile;
 
 /// Where a run's records are.
 pub enum Place {
@@ -40,20 +41,16 @@ pub struct Part {
 pub struct Runs {
     pub runs: Vec<Run>,
     pub parts: Vec<Vec<Part>>,
-    pub scratch: Option<Arc<DiskFile>>,
+    pub scratch: Option<Arc<Scratch>>,
 }
 
 /// A run once it is made, with the points it holds of each chunk.
 type Made = Mutex<Option<(Run, Vec<u32>)>>;
 
-/// The scratch file's name in the job's scratch folder.
-const RUNS_FILE: &str = "runs.bin";
-
 /// Cuts the surveyed units into runs.
-pub fn distribute(survey: &Survey, context: &Context) -> Result<Runs> {
+pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Context) -> Result<Runs> {
     context.progress.begin(Stage::Distribute, survey.points);
-    let scratch = if survey.in_core { None } else { Some(Arc::new(create_scratch(survey, context)?)) };
-    let starts = run_starts(survey);
+    let chunks = survey.plan.chunks.len();
     let made: Vec<Made> = survey.units.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
@@ -62,23 +59,14 @@ pub fn distribute(survey: &Survey, context: &Context) -> Result<Runs> {
         Bucketer::default,
         |state, i| {
             let unit = &survey.units[i];
-            let input = &survey.inputs[unit.input];
-            let kept = unit.kept.lock().unwrap_or_else(|e| e.into_inner()).take();
-            let records = match kept {
-                Some(records) => records,
-                None => {
-                    let mut buffer = std::mem::take(&mut state.slice);
-                    input.las.read(unit.slice, &mut buffer)?;
-                    buffer
-                }
-            };
-            let counts = state.bucket(survey, unit.input, &records)?;
-            let place = match &scratch {
-                None => Place::Memory(std::mem::replace(&mut state.run, records)),
-                Some(file) => {
-                    file.write_all_at(&state.run, starts[i])?;
-                    state.slice = records;
-                    Place::Scratch(starts[i])
+            let (place, counts) = match scratch {
+                None => state.in_memory(survey, unit)?,
+                Some(scratch) => {
+                    let counts = match scratch.past.bucketed.get(&(i as u32)) {
+                        Some(counts) => spread(counts, chunks)?,
+                        None => state.to_scratch(survey, unit, i as u32, scratch)?,
+                    };
+                    (Place::Scratch(unit.at), counts)
                 }
             };
             let run = Run { input: unit.input, place };
@@ -90,36 +78,23 @@ pub fn distribute(survey: &Survey, context: &Context) -> Result<Runs> {
     for input in &survey.inputs {
         input.las.check_unchanged()?;
     }
-    collect(survey, made, scratch)
+    collect(survey, made, scratch.cloned())
 }
 
-/// Where each unit's run begins in the scratch file.
-fn run_starts(survey: &Survey) -> Vec<u64> {
-    let mut at = 0;
-    survey
-        .units
-        .iter()
-        .map(|unit| {
-            let start = at;
-            at += u64::from(unit.slice.points) * survey.inputs[unit.input].source.record_length as u64;
-            start
-        })
-        .collect()
-}
-
-fn create_scratch(survey: &Survey, context: &Context) -> Result<DiskFile> {
-    let needed: u64 =
-        survey.inputs.iter().map(|i| i.las.header().points * i.source.record_length as u64).sum();
-    let free = context.disk.free_space(&context.scratch)?;
-    if free < needed {
-        return Err(StageError::NoRoom { folder: context.scratch.clone(), needed, free });
+/// Counts of the chunks that have some, as counts of all.
+fn spread(held: &[(u32, u32)], chunks: usize) -> Result<Vec<u32>> {
+    let mut counts = vec![0; chunks];
+    for (chunk, points) in held {
+        let Some(count) = counts.get_mut(*chunk as usize) else {
+            return Err(StageError::Inconsistent(format!("a receipt names chunk {chunk} of {chunks}")));
+        };
+        *count = *points;
     }
-    context.disk.create_dir_all(&context.scratch)?;
-    Ok(context.disk.create(&context.scratch.join(RUNS_FILE))?)
+    Ok(counts)
 }
 
 /// Turns per-run counts into per-chunk parts.
-fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<DiskFile>>) -> Result<Runs> {
+fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> Result<Runs> {
     let mut parts: Vec<Vec<Part>> = vec![Vec::new(); survey.plan.chunks.len()];
     let mut runs = Vec::with_capacity(made.len());
     for slot in made {
@@ -153,6 +128,46 @@ struct Bucketer {
 }
 
 impl Bucketer {
+    /// Makes a slice's run in memory.
+    fn in_memory(&mut self, survey: &Survey, unit: &Unit) -> Result<(Place, Vec<u32>)> {
+        let records = match std::mem::replace(&mut *unit.kept(), Kept::Nowhere) {
+            Kept::Memory(records) => records,
+            Kept::Nowhere | Kept::Scratch => {
+                let mut records = Vec::new();
+                survey.inputs[unit.input].las.read(unit.slice, &mut records)?;
+                records
+            }
+        };
+        let counts = self.bucket(survey, unit.input, &records)?;
+        Ok((Place::Memory(std::mem::replace(&mut self.run, records)), counts))
+    }
+
+    /// Makes a slice's run in the scratch, at the place where the slice itself may
+    /// lie.
+    fn to_scratch(
+        &mut self,
+        survey: &Survey,
+        unit: &Unit,
+        number: u32,
+        scratch: &Scratch,
+    ) -> Result<Vec<u32>> {
+        let input = &survey.inputs[unit.input];
+        let mut records = std::mem::take(&mut self.slice);
+        if matches!(*unit.kept(), Kept::Scratch) {
+            records.resize(unit.slice.points as usize * input.source.record_length, 0);
+            scratch.runs.read_exact_at(&mut records, unit.at)?;
+            scratch.receipt(&Receipt::Bucketing { unit: number })?;
+        } else {
+            input.las.read(unit.slice, &mut records)?;
+        }
+        let counts = self.bucket(survey, unit.input, &records)?;
+        self.slice = records;
+        scratch.runs.write_all_at(&self.run, unit.at)?;
+        let held = (0..).zip(&counts).filter(|(_, n)| **n > 0).map(|(chunk, n)| (chunk, *n)).collect();
+        scratch.receipt(&Receipt::Bucketed { unit: number, counts: held })?;
+        Ok(counts)
+    }
+
     /// Sorts raw records by chunk into `self.run`, stable; returns how many
     /// each chunk got.
     fn bucket(&mut self, survey: &Survey, input: usize, records: &[u8]) -> Result<Vec<u32>> {

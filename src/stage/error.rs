@@ -36,6 +36,10 @@ pub enum StageError {
          allow more memory or fewer threads"
     )]
     MemoryTooSmall { limit: u64, needed: u64 },
+    #[error(
+        "another conversion is at work in {}; wait until it has ended, or choose another output", .0.display()
+    )]
+    Busy(PathBuf),
     #[error("the conversion was stopped on request")]
     Cancelled,
     #[error("a check before publishing failed: {0}. Nothing was published; this is a bug, please report it")]
@@ -50,7 +54,10 @@ impl StageError {
     pub fn retry_can_help(&self) -> bool {
         match self {
             StageError::Disk(error) => error.may_pass(),
-            StageError::InputChanged(_) | StageError::NoRoom { .. } | StageError::Cancelled => true,
+            StageError::InputChanged(_)
+            | StageError::NoRoom { .. }
+            | StageError::Busy(_)
+            | StageError::Cancelled => true,
             StageError::Las(error) => error.may_pass(),
             StageError::Inputs(_)
             | StageError::NoInputs

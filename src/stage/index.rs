@@ -2,14 +2,16 @@
 //! Generation", 4.2). All nodes but the chunk's root are written; the root's
 //! points wait for the levels above.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use super::context::{Context, Stage};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::nodes::{NodeWriter, RawPoints, Records};
 use super::options::{Options, Sampling};
-use super::output::OctreeFile;
+use super::output::{Block, OctreeFile};
+use super::receipt::{Built, Risen};
+use super::scratch::Scratch;
 use super::survey::{Survey, chunk_memory};
 use super::workers;
 use crate::cloud::node::NodeKey;
@@ -23,8 +25,31 @@ use crate::lod::tree::{Builder, LEAF_LIMIT};
 /// What rises from a chunk: its root's points, in the octree's layout.
 pub struct Rising {
     pub node: NodeKey,
-    pub records: Vec<u8>,
     pub has_children: bool,
+    pub records: RisingRecords,
+}
+
+/// In memory, or out of core in the scratch.
+pub enum RisingRecords {
+    Memory(Vec<u8>),
+    Scratch(Risen),
+}
+
+impl Rising {
+    pub fn points(&self, survey: &Survey) -> u64 {
+        let bytes = match &self.records {
+            RisingRecords::Memory(records) => records.len() as u64,
+            RisingRecords::Scratch(risen) => risen.bytes,
+        };
+        bytes / survey.unified.schema.record_size() as u64
+    }
+}
+
+impl From<Risen> for Rising {
+    fn from(risen: Risen) -> Rising {
+        let Risen { node, has_children, .. } = risen;
+        Rising { node, has_children, records: RisingRecords::Scratch(risen) }
+    }
 }
 
 /// The chunks' roots, in the order of the plan, and what was counted so far.
@@ -57,8 +82,12 @@ pub fn index(
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
     let start = || Indexer::new(survey, options);
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, i| {
-        let done = indexer.chunk(survey, runs, octree, i, context).inspect_err(|_| octree.fail())?;
-        let (root, statistics, points) = done;
+        let before = runs.scratch.as_ref().and_then(|scratch| scratch.past.built.get(&(i as u32)));
+        let done = match before {
+            Some(built) => resubmit(octree, i, built),
+            None => indexer.chunk(survey, runs, octree, i, context),
+        };
+        let (root, statistics, points) = done.inspect_err(|_| octree.fail())?;
         *rising[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(root);
         let mut total = total.lock().unwrap_or_else(|e| e.into_inner());
         total.0.merge(&statistics);
@@ -111,8 +140,8 @@ impl<'o> Indexer<'o> {
     ) -> Result<(Rising, Statistics, u64)> {
         let chunk = survey.plan.chunks[number];
         let parts = &runs.parts[number];
-        if let Some(file) = &runs.scratch {
-            load_parts(survey, runs, parts, file, &mut self.raw)?;
+        if let Some(scratch) = &runs.scratch {
+            load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
         }
         let points = raw_points(survey, runs, parts, &self.raw);
         points.items(&mut self.items)?;
@@ -130,10 +159,48 @@ impl<'o> Indexer<'o> {
         if writer.points + root.items.len() as u64 != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
-        octree.submit(number, writer.block)?;
-        let rising = Rising { node: chunk.node, records, has_children: root.has_children };
-        Ok((rising, writer.statistics, writer.points))
+        let NodeWriter { block, statistics, points, .. } = writer;
+        let root = Rising {
+            node: chunk.node,
+            has_children: root.has_children,
+            records: RisingRecords::Memory(records),
+        };
+        let root = hand_in(octree, number, block, root, (&statistics, points), runs.scratch.as_deref())?;
+        Ok((root, statistics, points))
     }
+}
+
+/// Hands in a finished block and its topmost node: out of core with a receipt,
+/// the node's records going to the scratch.
+pub fn hand_in(
+    octree: &OctreeFile,
+    number: usize,
+    block: Block,
+    root: Rising,
+    (statistics, points): (&Statistics, u64),
+    scratch: Option<&Scratch>,
+) -> Result<Rising> {
+    let (Some(scratch), RisingRecords::Memory(records)) = (scratch, &root.records) else {
+        octree.submit(number, block, None)?;
+        return Ok(root);
+    };
+    let risen = scratch.keep(root.node, root.has_children, records)?;
+    let built = Built {
+        nodes: block.nodes.clone(),
+        bytes: block.bytes.len() as u64,
+        at: None,
+        points,
+        statistics: statistics.clone(),
+        root: risen,
+    };
+    octree.submit(number, block, Some(built))?;
+    Ok(risen.into())
+}
+
+/// Hands in what an earlier run built.
+pub fn resubmit(octree: &OctreeFile, number: usize, built: &Built) -> Result<(Rising, Statistics, u64)> {
+    octree.submit_again(number, built)?;
+    Ok((built.root.into(), built.statistics.clone(), built.points))
 }
 
 /// Reads a chunk's parts of all runs, one behind the other.
@@ -141,7 +208,7 @@ fn load_parts(
     survey: &Survey,
     runs: &Runs,
     parts: &[Part],
-    file: &Arc<DiskFile>,
+    file: &DiskFile,
     raw: &mut Vec<u8>,
 ) -> Result<()> {
     let bytes_of = |part: &Part| {

@@ -5,14 +5,15 @@
 //! what is above them; the cut is fixed, so that the threads decide nothing.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::index::{self, Indexed, Rising};
+use super::index::{self, Indexed, Rising, RisingRecords};
 use super::nodes::{NodeWriter, PlainRecords};
 use super::options::Options;
 use super::output::OctreeFile;
+use super::scratch::Scratch;
 use super::survey::Survey;
 use super::workers;
 use crate::cloud::cube::Frame;
@@ -32,12 +33,13 @@ pub fn merge(
     survey: &Survey,
     indexed: Indexed,
     octree: &OctreeFile,
+    scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
 ) -> Result<(Statistics, u64)> {
-    let size = survey.unified.schema.record_size();
-    let rising_points: usize = indexed.rising.iter().map(|r| r.records.len() / size).sum();
-    context.progress.begin(Stage::Merge, rising_points as u64);
+    let scratch = scratch.map(|scratch| &**scratch);
+    let rising_points: u64 = indexed.rising.iter().map(|r| r.points(survey)).sum();
+    context.progress.begin(Stage::Merge, rising_points);
     let above = ancestors(&indexed.rising);
     let mut next_block = indexed.rising.len();
     let (mut statistics, mut points) = (indexed.statistics, indexed.points);
@@ -50,31 +52,41 @@ pub fn merge(
         &context.cancel,
         || (),
         |(), i| {
+            let number = next_block + i;
             let (node, roots) = &subtrees[i];
             let roots = std::mem::take(&mut *roots.lock().unwrap_or_else(|e| e.into_inner()));
-            let mut merger = Merger::new(survey, options, context, &above, roots);
-            let merge =
-                merger.grow(*node).and_then(|root| Ok((root, merger.finish(octree, next_block + i)?)));
-            let (root, counted) = merge.inspect_err(|_| octree.fail())?;
-            let merged_subtree = root.map(|root| Merged { root: root.rising, counted });
-            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = merged_subtree;
+            let before = scratch.and_then(|scratch| scratch.past.built.get(&(number as u32)));
+            let subtree = match before {
+                Some(built) => {
+                    context.progress.advance(roots.values().map(|r| r.points(survey)).sum());
+                    index::resubmit(octree, number, built)
+                }
+                None => {
+                    let merger = Merger::new(survey, options, context, &above, roots, scratch);
+                    merger.subtree(*node, octree, number)
+                }
+            };
+            let subtree = subtree.inspect_err(|_| octree.fail())?;
+            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(subtree);
             Ok(())
         },
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        statistics.merge(&subtree.counted.0);
-        points += subtree.counted.1;
-        top.insert(subtree.root.node, subtree.root);
+        let (root, counted, more) = subtree;
+        statistics.merge(&counted);
+        points += more;
+        top.insert(root.node, root);
     }
 
-    let mut merger = Merger::new(survey, options, context, &above, top);
+    let mut merger = Merger::new(survey, options, context, &above, top, scratch);
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
-    let counted = merger.finish(octree, next_block)?;
-    statistics.merge(&counted.0);
-    Ok((statistics, points + counted.1))
+    let NodeWriter { block, statistics: counted, points: more, .. } = merger.writer;
+    octree.submit(next_block, block, None)?;
+    statistics.merge(&counted);
+    Ok((statistics, points + more))
 }
 
 /// Nodes that have chunks below them.
@@ -115,10 +127,7 @@ fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
 }
 
 /// A merged subtree: its root, and what was counted in the nodes written.
-struct Merged {
-    root: Rising,
-    counted: (Statistics, u64),
-}
+type Merged = (Rising, Statistics, u64);
 
 struct Merger<'a> {
     survey: &'a Survey,
@@ -126,13 +135,16 @@ struct Merger<'a> {
     above: &'a HashSet<NodeKey>,
     sampler: Box<dyn Sampler>,
     roots: Roots,
+    scratch: Option<&'a Scratch>,
     writer: NodeWriter<'a, PlainRecords>,
     taken: Vec<bool>,
 }
 
 /// A node above or at a chunk's root that its parent has not sampled yet.
 struct Grown {
-    rising: Rising,
+    node: NodeKey,
+    has_children: bool,
+    records: Vec<u8>,
     items: Vec<Item>,
 }
 
@@ -143,6 +155,7 @@ impl<'a> Merger<'a> {
         context: &'a Context,
         above: &'a HashSet<NodeKey>,
         roots: Roots,
+        scratch: Option<&'a Scratch>,
     ) -> Merger<'a> {
         let size = survey.unified.schema.record_size();
         let records = PlainRecords { bytes: Vec::new(), size };
@@ -152,18 +165,37 @@ impl<'a> Merger<'a> {
             above,
             sampler: index::sampler(survey, options.sampling),
             roots,
+            scratch,
             writer: NodeWriter::new(survey, options.encoding, records),
             taken: Vec::new(),
         }
+    }
+
+    /// Merges all below a node, and hands it in.
+    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, number: usize) -> Result<Merged> {
+        let root = self.grow(node)?;
+        let Grown { node, has_children, records, .. } =
+            root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
+        let NodeWriter { block, statistics, points, .. } = self.writer;
+        let root = Rising { node, has_children, records: RisingRecords::Memory(records) };
+        let root = index::hand_in(octree, number, block, root, (&statistics, points), self.scratch)?;
+        Ok((root, statistics, points))
     }
 
     fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        if let Some(rising) = self.roots.remove(&node) {
-            let items = self.items(&rising.records);
-            return Ok(Some(Grown { rising, items }));
+        if let Some(Rising { has_children, records, .. }) = self.roots.remove(&node) {
+            let records = match (records, self.scratch) {
+                (RisingRecords::Memory(records), _) => records,
+                (RisingRecords::Scratch(risen), Some(scratch)) => scratch.fetch(&risen)?,
+                (RisingRecords::Scratch(_), None) => {
+                    return Err(StageError::Inconsistent(format!("the points of {node} are nowhere")));
+                }
+            };
+            let items = self.items(&records);
+            return Ok(Some(Grown { node, has_children, records, items }));
         }
         if !self.above.contains(&node) {
             return Ok(None);
@@ -194,30 +226,24 @@ impl<'a> Merger<'a> {
             let kept = move_taken(&mut child.items, &mut flags, &mut items);
             child.items.truncate(kept);
             for (item, index) in items[first..].iter_mut().zip(first as u32..) {
-                records.extend_from_slice(&child.rising.records[item.index as usize * size..][..size]);
+                records.extend_from_slice(&child.records[item.index as usize * size..][..size]);
                 item.index = index;
             }
         }
-        children.retain(|c| !c.items.is_empty() || c.rising.has_children);
+        children.retain(|c| !c.items.is_empty() || c.has_children);
         let has_children = !children.is_empty();
         self.write(children)?;
-        Ok(Grown { rising: Rising { node, records, has_children }, items })
+        Ok(Grown { node, has_children, records, items })
     }
 
     /// Writes nodes that are final.
     fn write(&mut self, nodes: Vec<Grown>) -> Result<()> {
         for grown in nodes {
-            let node = grown.rising.node;
-            self.writer.records.bytes = grown.rising.records;
-            self.writer.node(node, Frame::of(self.survey.cube.bits, node), &grown.items)?;
-            self.context.progress.advance(grown.items.len() as u64);
+            let Grown { node, records, items, .. } = grown;
+            self.writer.records.bytes = records;
+            self.writer.node(node, Frame::of(self.survey.cube.bits, node), &items)?;
+            self.context.progress.advance(items.len() as u64);
         }
         Ok(())
-    }
-
-    /// Hands in what was written, as the block of a number.
-    fn finish(self, octree: &OctreeFile, block: usize) -> Result<(Statistics, u64)> {
-        octree.submit(block, self.writer.block)?;
-        Ok((self.writer.statistics, self.writer.points))
     }
 }

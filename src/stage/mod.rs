@@ -4,14 +4,19 @@
 //! in a row.
 
 pub mod context;
+pub mod counting;
 pub mod distribute;
 pub mod error;
 pub mod index;
+pub mod journal;
 pub mod machine;
 pub mod merge;
 pub mod nodes;
 pub mod options;
 pub mod output;
 pub mod publish;
+pub mod receipt;
+pub mod scratch;
+pub mod staging;
 pub mod survey;
 pub mod workers;

@@ -3,16 +3,23 @@
 //! the file is the same whatever the threads did, has no holes, and is never
 //! copied. (The design asks for regions of known size; but what rises above a
 //! chunk, and what brotli saves, is only known when the chunk is done.)
+//!
+//! In core, blocks wait for their turn in memory. Out of core they wait in the
+//! scratch, with their receipt: what is done is done, whose turn it may be.
 
 use std::collections::BTreeMap;
-use std::sync::{Condvar, Mutex};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
 
 use super::error::{Result, StageError};
+use super::receipt::{Built, Receipt};
+use super::scratch::Scratch;
 use crate::cloud::node::NodeKey;
 use crate::disk::DiskFile;
 
 /// A finished node: where its points are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeEntry {
     pub node: NodeKey,
     pub points: u32,
@@ -28,13 +35,32 @@ pub struct Block {
     pub nodes: Vec<NodeEntry>,
 }
 
+/// A block that waits for its place, or has just got it.
+enum Content {
+    /// In memory; with the receipt to be given when it is written.
+    Here(Vec<u8>, Option<Built>),
+    /// In the scratch, receipted.
+    Spilled(u64),
+    /// At this place already, since an earlier run.
+    Written { at: u64, bytes: u64 },
+}
+
+impl Content {
+    fn bytes(&self) -> u64 {
+        match self {
+            Content::Here(bytes, _) => bytes.len() as u64,
+            Content::Spilled(bytes) | Content::Written { bytes, .. } => *bytes,
+        }
+    }
+}
+
 #[derive(Default)]
 struct State {
     /// The block that gets the next place, and that place.
     next: usize,
     end: u64,
     /// Blocks that wait for their place.
-    waiting: BTreeMap<usize, Block>,
+    waiting: BTreeMap<usize, (Content, Vec<NodeEntry>)>,
     waiting_bytes: u64,
     nodes: Vec<NodeEntry>,
     failed: bool,
@@ -42,7 +68,8 @@ struct State {
 
 /// The file, and who writes where.
 pub struct OctreeFile {
-    file: DiskFile,
+    file: Arc<DiskFile>,
+    scratch: Option<Arc<Scratch>>,
     /// Bytes that may wait in memory before threads are held back.
     most_waiting: u64,
     state: Mutex<State>,
@@ -50,40 +77,93 @@ pub struct OctreeFile {
 }
 
 impl OctreeFile {
-    pub fn new(file: DiskFile, most_waiting: u64) -> OctreeFile {
-        OctreeFile { file, most_waiting, state: Mutex::default(), moved: Condvar::new() }
+    pub fn new(file: DiskFile, scratch: Option<Arc<Scratch>>, most_waiting: u64) -> OctreeFile {
+        let file = Arc::new(file);
+        if let Some(scratch) = &scratch {
+            scratch.vouch_for(file.clone());
+        }
+        OctreeFile { file, scratch, most_waiting, state: Mutex::default(), moved: Condvar::new() }
     }
 
-    /// Hands in the block of a number; each number from 0 on comes once. Holds
-    /// the caller back while too much waits, unless it brings the block that
+    /// Hands in the block of a number; each number from 0 on comes once. With a
+    /// receipt, it is given when the block is safe. Without a scratch, the caller
+    /// is held back while too much waits, unless it brings the block that
     /// everybody waits for.
-    pub fn submit(&self, number: usize, block: Block) -> Result<()> {
-        let mut state = self.state.lock().unwrap_or_else(|e| e.into_inner());
-        while number != state.next && state.waiting_bytes > self.most_waiting && !state.failed {
-            state = self.moved.wait(state).unwrap_or_else(|e| e.into_inner());
+    pub fn submit(&self, number: usize, block: Block, receipt: Option<Built>) -> Result<()> {
+        let Block { bytes, nodes } = block;
+        let is_next = self.state().next == number;
+        let content = match (&self.scratch, receipt) {
+            (Some(scratch), Some(built)) if !is_next => {
+                scratch.spill(number as u32, &bytes, built)?;
+                Content::Spilled(bytes.len() as u64)
+            }
+            (_, receipt) => Content::Here(bytes, receipt),
+        };
+        self.place(number, content, nodes)
+    }
+
+    /// Hands in a block that an earlier run made.
+    pub fn submit_again(&self, number: usize, built: &Built) -> Result<()> {
+        let content = match built.at {
+            Some(at) => Content::Written { at, bytes: built.bytes },
+            None => Content::Spilled(built.bytes),
+        };
+        self.place(number, content, built.nodes.clone())
+    }
+
+    fn place(&self, number: usize, content: Content, nodes: Vec<NodeEntry>) -> Result<()> {
+        let mut state = self.state();
+        if matches!(content, Content::Here(..)) {
+            while number != state.next && state.waiting_bytes > self.most_waiting && !state.failed {
+                state = self.moved.wait(state).unwrap_or_else(PoisonError::into_inner);
+            }
+            state.waiting_bytes += content.bytes();
         }
-        state.waiting_bytes += block.bytes.len() as u64;
-        state.waiting.insert(number, block);
+        state.waiting.insert(number, (content, nodes));
         // Place what can be placed, write it outside the lock.
         let mut ready = Vec::new();
-        while let Some(block) = {
+        while let Some((content, nodes)) = {
             let next = state.next;
             state.waiting.remove(&next)
         } {
-            let at = state.end;
+            let (number, at) = (state.next, state.end);
             state.next += 1;
-            state.end += block.bytes.len() as u64;
-            state.waiting_bytes -= block.bytes.len() as u64;
-            state.nodes.extend(block.nodes.iter().map(|n| NodeEntry { offset: n.offset + at, ..*n }));
-            ready.push((at, block.bytes));
+            state.end += content.bytes();
+            if matches!(content, Content::Here(..)) {
+                state.waiting_bytes -= content.bytes();
+            }
+            state.nodes.extend(nodes.iter().map(|n| NodeEntry { offset: n.offset + at, ..*n }));
+            ready.push((number as u32, at, content));
         }
         drop(state);
         self.moved.notify_all();
-        for (at, bytes) in ready {
-            if let Err(error) = self.file.write_all_at(&bytes, at) {
-                self.fail();
-                return Err(error.into());
+        ready
+            .into_iter()
+            .try_for_each(|(number, at, content)| self.write(number, at, content))
+            .inspect_err(|_| self.fail())
+    }
+
+    fn write(&self, number: u32, at: u64, content: Content) -> Result<()> {
+        match (content, &self.scratch) {
+            (Content::Here(bytes, receipt), scratch) => {
+                self.file.write_all_at(&bytes, at)?;
+                if let (Some(scratch), Some(built)) = (scratch, receipt) {
+                    scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..built } })?;
+                }
             }
+            (Content::Spilled(bytes), Some(scratch)) => {
+                self.file.write_all_at(&scratch.unspill(number, bytes)?, at)?;
+                scratch.placed(number, at)?;
+            }
+            (Content::Spilled(_), None) => {
+                return Err(StageError::Inconsistent(format!("block {number} is nowhere")));
+            }
+            (Content::Written { at: before, .. }, _) if before != at => {
+                return Err(StageError::Inconsistent(format!(
+                    "block {number} lies at byte {before} and belongs at {at}"
+                )));
+            }
+            (Content::Written { .. }, _) => {}
         }
         Ok(())
     }
@@ -91,17 +171,25 @@ impl OctreeFile {
     /// Lets go of all who wait; called when a thread fails and its block will
     /// never come.
     pub fn fail(&self) {
-        self.state.lock().unwrap_or_else(|e| e.into_inner()).failed = true;
+        self.state().failed = true;
         self.moved.notify_all();
     }
 
     /// Makes the file last; gives all nodes and the file's length.
     pub fn finish(self) -> Result<(Vec<NodeEntry>, u64)> {
-        self.file.sync()?;
-        let state = self.state.into_inner().unwrap_or_else(|e| e.into_inner());
+        let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         if !state.waiting.is_empty() {
             return Err(StageError::Inconsistent(format!("block {} never came", state.next)));
         }
+        // An earlier run may have written more behind it.
+        if self.file.length()? > state.end {
+            self.file.cut_to(state.end)?;
+        }
+        self.file.sync()?;
         Ok((state.nodes, state.end))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -2,7 +2,7 @@
 //! to last, and the finished folder takes its place by one rename. Until then
 //! an older octree of that name stays as it was.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
@@ -14,14 +14,8 @@ use crate::disk::{Disk, DiskError};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
 
-/// The folder beside `output` in which the octree grows.
-pub fn staging_folder(output: &Path) -> PathBuf {
-    let name = output.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
-    output.with_file_name(format!(".{name}.building"))
-}
-
-/// What was published.
-pub struct Published {
+/// What the octree came to.
+pub struct Completed {
     pub nodes: u64,
     pub depth: u32,
     pub bytes: u64,
@@ -36,20 +30,20 @@ pub struct Octree<'a> {
     pub statistics: &'a Statistics,
 }
 
-/// Writes the small files, checks the sums, and renames.
-pub fn publish(
+/// Checks the sums and writes the small files: all that is missing then is the
+/// name.
+pub fn complete(
     octree: &Octree,
+    staging: &Path,
     output: &Path,
-    overwrite: bool,
     options: &Options,
     context: &Context,
-) -> Result<Published> {
+) -> Result<Completed> {
     context.progress.begin(Stage::Publish, octree.survey.points);
     check_sums(octree)?;
     let nodes: Vec<potree::Node> = octree.nodes.iter().filter_map(potree_node).collect();
     let hierarchy = potree::write_hierarchy(&nodes).map_err(|e| StageError::Inconsistent(e.to_string()))?;
     let metadata = metadata(octree, &hierarchy, output, options);
-    let staging = staging_folder(output);
     let disk = &context.disk;
     let json = metadata.to_json();
     for (name, bytes) in
@@ -59,9 +53,8 @@ pub fn publish(
         file.write_all_at(bytes, 0)?;
         file.sync()?;
     }
-    disk.sync_dir(&staging)?;
-    swap_in(disk, &staging, output, overwrite)?;
-    Ok(Published {
+    disk.sync_dir(staging)?;
+    Ok(Completed {
         nodes: nodes.len() as u64,
         depth: hierarchy.depth,
         bytes: octree.length + hierarchy.bytes.len() as u64 + json.len() as u64,
@@ -137,7 +130,7 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
 
 /// Puts the finished folder in its place. An older octree is exchanged in one
 /// step, so that a reader sees the old one or the new one, and removed after.
-fn swap_in(disk: &Disk, staging: &Path, output: &Path, overwrite: bool) -> Result<()> {
+pub fn swap_in(disk: &Disk, staging: &Path, output: &Path, overwrite: bool) -> Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     if !output.exists() {
         return Ok(disk.rename(staging, output)?);

@@ -88,6 +88,7 @@ pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> Request 
         inputs: inputs.to_vec(),
         output: output.to_path_buf(),
         overwrite: false,
+        keep_scratch: false,
         options: options.clone(),
     }
 }

@@ -103,6 +103,11 @@ impl LasFile {
         self.source.path()
     }
 
+    /// Changes whenever the file does: its length and the time of its last change.
+    pub fn stamp(&self) -> String {
+        self.source.stamp()
+    }
+
     pub fn header(&self) -> &Header {
         &self.header
     }

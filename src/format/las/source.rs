@@ -72,6 +72,12 @@ impl Source {
         })
     }
 
+    /// Its length and the time of its last change, when it was opened.
+    pub fn stamp(&self) -> String {
+        let Identity { bytes, modified: (seconds, nanos), .. } = self.opened;
+        format!("{bytes} {seconds}.{nanos:09}")
+    }
+
     /// As much as there is, up to the buffer's length.
     pub fn read_at(&self, bytes: &mut [u8], position: u64) -> io::Result<usize> {
         self.file.read_at(bytes, position)

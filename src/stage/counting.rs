@@ -1,0 +1,273 @@
+//! Counting: the survey's passes over the points. The first finds the true
+//! bounds and which bytes are used while it counts on the grid that the headers
+//! promise; another follows where they were wrong, and one for each refinement
+//! of places that are too dense.
+
+use std::sync::Mutex;
+
+use serde::{Deserialize, Serialize};
+
+use super::context::{Context, Stage};
+use super::error::{Result, StageError};
+use super::receipt::Receipt;
+use super::scratch::Scratch;
+use super::staging::check_room;
+use super::survey::{Kept, Unit};
+use super::workers;
+use crate::cloud::census::Census;
+use crate::cloud::cube::Cube;
+use crate::cloud::lattice::{self, Lattice, Requantise, SourceGrid};
+use crate::cloud::plan;
+use crate::cloud::record;
+use crate::format::las::LasFile;
+use crate::format::potree;
+
+/// What the passes over the points find: enough to go on without them.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Findings {
+    /// For every input.
+    pub found: Vec<Found>,
+    pub census: Census,
+    pub passes: u32,
+    pub notes: Vec<String>,
+}
+
+/// The grid a header claims; harmless where it lies, since what is found
+/// decides.
+fn hinted_grid(file: &LasFile) -> SourceGrid {
+    let h = file.header();
+    let raw = |world: f64, axis: usize| ((world - h.offset[axis]) / h.scale[axis]).round() as i32;
+    let min: [i32; 3] = std::array::from_fn(|a| raw(h.min[a], a));
+    let max: [i32; 3] = std::array::from_fn(|a| raw(h.max[a], a).max(min[a]));
+    SourceGrid { scale: h.scale, offset: h.offset, min, max }
+}
+
+/// What a census stands on.
+pub struct Base {
+    pub lattice: Lattice,
+    /// For every input.
+    pub requantise: Vec<Requantise>,
+    pub cube: Cube,
+}
+
+impl Base {
+    fn new(grids: &[SourceGrid]) -> Base {
+        let (lattice, requantise) = lattice::choose(grids, potree::morton::viewer_may_misread);
+        let cube = Cube::around(&lattice);
+        Base { lattice, requantise, cube }
+    }
+}
+
+/// A census on its base.
+struct Counting {
+    base: Base,
+    census: Census,
+}
+
+impl Counting {
+    fn new(grids: &[SourceGrid], points: u64) -> Counting {
+        let base = Base::new(grids);
+        let (cube, lattice) = (&base.cube, &base.lattice);
+        let (min, max) = (cube.tree(lattice.min), cube.tree(lattice.max));
+        let census = Census::new(cube.bits, min, max, plan::census_cells(points));
+        Counting { base, census }
+    }
+}
+
+/// What the first pass finds in one file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Found {
+    pub grid: SourceGrid,
+    /// All records ORed: which bytes are ever used.
+    pub ored: Vec<u8>,
+}
+
+/// Goes through all units, from memory where they are kept.
+pub struct Counter<'a> {
+    pub files: &'a [LasFile],
+    pub units: &'a [Unit],
+    /// Whether decoded records are to stay in memory.
+    pub keep: bool,
+    pub scratch: Option<&'a Scratch>,
+    pub context: &'a Context,
+    /// Times that the points were gone through.
+    pub passes: u32,
+}
+
+/// Records looked at together: small enough to stay in the core's cache over
+/// the loops that go through them.
+const BLOCK: usize = 2048;
+
+impl Counter<'_> {
+    /// Goes through the points as often as it takes, unless an earlier run has.
+    pub fn findings(mut self, points: u64) -> Result<(Findings, Base)> {
+        if let Some(scratch) = self.scratch {
+            for (unit, _) in self.units.iter().zip(0..).filter(|(_, n)| scratch.past.has_records(*n)) {
+                *unit.kept() = Kept::Scratch;
+            }
+            if let Some(findings) = scratch.take_findings() {
+                let grids: Vec<SourceGrid> = findings.found.iter().map(|f| f.grid).collect();
+                return Ok((findings, Base::new(&grids)));
+            }
+            check_room(&self.context.disk, &scratch.folder, self.missing_in(scratch)?)?;
+        }
+        let hints: Vec<SourceGrid> = self.files.iter().map(hinted_grid).collect();
+        let hinted = Counting::new(&hints, points);
+        let found = self.first_pass(&hinted)?;
+        let grids: Vec<SourceGrid> = found.iter().map(|f| f.grid).collect();
+        let mut counting = Counting::new(&grids, points);
+        let mut notes = Vec::new();
+        if counting.base.lattice == hinted.base.lattice && counting.base.cube == hinted.base.cube {
+            counting = hinted;
+        } else {
+            let lying = hints.iter().zip(&grids).zip(self.files).filter(|((h, g), _)| h != g);
+            notes.extend(lying.take(5).map(|(_, f)| {
+                format!("{}: the header's bounding box is not the points' own", f.path().display())
+            }));
+            self.count_again(&counting)?;
+        }
+        let limit = plan::chunk_limit(points);
+        while counting.census.refine(limit) {
+            self.count_again(&counting)?;
+        }
+        let Counting { base, census } = counting;
+        let findings = Findings { found, census, passes: self.passes, notes };
+        match self.scratch {
+            Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
+            None => Ok((findings, base)),
+        }
+    }
+
+    /// Bytes that the runs will need on disk beyond what they have.
+    fn missing_in(&self, scratch: &Scratch) -> Result<u64> {
+        let bytes = |f: &LasFile| f.header().points * f.header().record_length as u64;
+        let all: u64 = self.files.iter().map(bytes).sum();
+        Ok(all.saturating_sub(scratch.runs.allocated()?))
+    }
+
+    /// Counts on the hinted grid and finds the true bounds and used bits.
+    fn first_pass(&mut self, hinted: &Counting) -> Result<Vec<Found>> {
+        self.passes += 1;
+        let start: Vec<Found> = self
+            .files
+            .iter()
+            .map(|f| {
+                let h = f.header();
+                let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
+                let grid = SourceGrid { scale: h.scale, offset: h.offset, min, max };
+                Found { grid, ored: vec![0; h.record_length] }
+            })
+            .collect();
+        let found: Vec<Mutex<Found>> = start.into_iter().map(Mutex::new).collect();
+        self.each_unit(|unit, records| {
+            let length = self.files[unit.input].header().record_length;
+            let requantise = &hinted.base.requantise[unit.input];
+            let mut looker = Looker::new(length);
+            for block in records.chunks(BLOCK * length) {
+                looker.look(block);
+                let trees = block
+                    .chunks_exact(length)
+                    .map(|r| hinted.base.cube.tree(requantise.stored(record::raw_position(r))));
+                // Points outside the hinted box show in the bounds.
+                hinted.census.count(trees);
+            }
+            looker.add_to(&mut found[unit.input].lock().unwrap_or_else(|e| e.into_inner()));
+            Ok(())
+        })?;
+        Ok(found.into_iter().map(|f| f.into_inner().unwrap_or_else(|e| e.into_inner())).collect())
+    }
+
+    fn count_again(&mut self, counting: &Counting) -> Result<()> {
+        self.passes += 1;
+        self.context
+            .progress
+            .begin(Stage::Survey, self.units.iter().map(|u| u64::from(u.slice.points)).sum());
+        self.each_unit(|unit, records| {
+            let las = &self.files[unit.input];
+            let requantise = &counting.base.requantise[unit.input];
+            let trees = records
+                .chunks_exact(las.header().record_length)
+                .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
+            match counting.census.count(trees) {
+                0 => Ok(()),
+                _ => Err(StageError::InputChanged(las.path().to_path_buf())),
+            }
+        })
+    }
+
+    fn each_unit(&self, work: impl Fn(&Unit, &[u8]) -> Result<()> + Sync) -> Result<()> {
+        let context = self.context;
+        workers::in_order(context.threads, self.units.len(), &context.cancel, Vec::new, |buffer, i| {
+            let unit = &self.units[i];
+            let las = &self.files[unit.input];
+            let mut kept = unit.kept();
+            match (&*kept, self.scratch) {
+                (Kept::Memory(records), _) => work(unit, records)?,
+                (Kept::Scratch, Some(scratch)) => {
+                    buffer.resize(unit.slice.points as usize * las.header().record_length, 0);
+                    scratch.runs.read_exact_at(buffer, unit.at)?;
+                    work(unit, buffer)?;
+                }
+                _ => {
+                    las.read(unit.slice, buffer)?;
+                    work(unit, buffer)?;
+                    if self.keep {
+                        *kept = Kept::Memory(std::mem::take(buffer));
+                    } else if let Some(scratch) = self.scratch
+                        && las.header().compressed
+                    {
+                        // Decoding is the dearest step of all; once is enough.
+                        scratch.runs.write_all_at(buffer, unit.at)?;
+                        scratch.receipt(&Receipt::Spooled { unit: i as u32 })?;
+                        *kept = Kept::Scratch;
+                    }
+                }
+            }
+            context.progress.advance(u64::from(unit.slice.points));
+            Ok(())
+        })
+    }
+}
+
+/// Bounds and used bits of records of one length.
+struct Looker {
+    length: usize,
+    min: [i32; 3],
+    max: [i32; 3],
+    /// Eight records ORed side by side, so that whole words can be.
+    ored: Vec<u64>,
+}
+
+impl Looker {
+    fn new(length: usize) -> Looker {
+        Looker { length, min: [i32::MAX; 3], max: [i32::MIN; 3], ored: vec![0; length] }
+    }
+
+    fn look(&mut self, records: &[u8]) {
+        for r in records.chunks_exact(self.length) {
+            let p = record::raw_position(r);
+            for a in 0..3 {
+                self.min[a] = self.min[a].min(p[a]);
+                self.max[a] = self.max[a].max(p[a]);
+            }
+        }
+        let mut eights = records.chunks_exact(8 * self.length);
+        for eight in &mut eights {
+            for (to, word) in self.ored.iter_mut().zip(eight.as_chunks::<8>().0) {
+                *to |= u64::from_le_bytes(*word);
+            }
+        }
+        for (i, byte) in eights.remainder().iter().enumerate() {
+            self.ored[i / 8] |= u64::from(*byte) << (8 * (i % 8));
+        }
+    }
+
+    fn add_to(&self, found: &mut Found) {
+        for a in 0..3 {
+            found.grid.min[a] = found.grid.min[a].min(self.min[a]);
+            found.grid.max[a] = found.grid.max[a].max(self.max[a]);
+        }
+        let bytes: Vec<u8> = self.ored.iter().flat_map(|w| w.to_le_bytes()).collect();
+        record::or_records(&mut found.ored, &bytes);
+    }
+}

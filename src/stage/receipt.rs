@@ -1,0 +1,165 @@
+//! Receipts: what a conversion that works out of core knows it has done. A unit
+//! of work (one slice of the survey or of distribution, one chunk, one step of
+//! the merge) writes its data first and its receipt after; a unit that has its
+//! receipt is never done again.
+//!
+//! Here are only the receipts and what follows from a row of them; the file they
+//! stand in is [`super::journal`], the data they vouch for [`super::scratch`].
+
+use std::collections::{HashMap, HashSet};
+
+use serde::{Deserialize, Serialize};
+
+use super::counting::Findings;
+use super::output::NodeEntry;
+use crate::cloud::node::NodeKey;
+use crate::cloud::statistics::Statistics;
+
+/// Changes whenever receipts, or the data behind them, are to be read otherwise
+/// than before: what an older program left is then cleared.
+pub const FORMAT: &str = concat!("lodestone receipts 1, program ", env!("CARGO_PKG_VERSION"));
+
+/// What makes a conversion the same as the one that left receipts: the hash of
+/// program, options, inputs and output.
+pub type Identity = [u8; 32];
+
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Receipt {
+    /// A run of the program begins (or goes on); `boot` names the boot of the
+    /// machine, empty where it cannot be told.
+    Begun { identity: Identity, boot: String },
+    /// Everything that receipts before byte `upto` of the journal vouch for has
+    /// reached the disk.
+    Synced { upto: u64 },
+    /// A slice's decoded records lie at its place in the scratch.
+    Spooled { unit: u32 },
+    /// The survey is over. Synced before anything else is done.
+    Surveyed(Findings),
+    /// From here on the slice's place may hold anything.
+    Bucketing { unit: u32 },
+    /// The slice's run lies at its place; points by chunk, in their order.
+    Bucketed { unit: u32, counts: Vec<(u32, u32)> },
+    /// A chunk or a step of the merge is done.
+    Built { number: u32, built: Built },
+    /// A block that had to wait has its place in octree.bin now.
+    Placed { number: u32, at: u64 },
+    /// The octree is whole, in the folder of this inode; only its name is left to
+    /// be given.
+    Finished { inode: u64, outcome: String },
+}
+
+/// What a chunk, or a step of the merge, came to.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Built {
+    /// Its finished nodes; offsets count from the start of its block.
+    pub nodes: Vec<NodeEntry>,
+    /// Length of the block, in bytes.
+    pub bytes: u64,
+    /// Where the block lies in octree.bin; none while it waits for its turn.
+    pub at: Option<u64>,
+    /// Points in the finished nodes.
+    pub points: u64,
+    pub statistics: Statistics,
+    /// Its topmost node, which waits for the levels above.
+    pub root: Risen,
+}
+
+/// A node whose points lie in the scratch until its parent has chosen from them.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct Risen {
+    pub node: NodeKey,
+    pub has_children: bool,
+    /// Place and length of its records, in bytes.
+    pub offset: u64,
+    pub bytes: u64,
+}
+
+/// What earlier runs have done.
+#[derive(Debug, Default)]
+pub struct Past {
+    spooled: HashSet<u32>,
+    bucketing: HashSet<u32>,
+    pub surveyed: Option<Findings>,
+    pub bucketed: HashMap<u32, Vec<(u32, u32)>>,
+    pub built: HashMap<u32, Built>,
+    /// Inode of the whole octree, and the outcome as JSON.
+    pub finished: Option<(u64, String)>,
+    /// Units that are done, of every kind.
+    pub units: u64,
+}
+
+impl Past {
+    /// Sums up receipts. `same_boot` says whether the machine has run on since
+    /// they were written: else what was overwritten in place cannot be trusted.
+    pub fn of(receipts: Vec<Receipt>, same_boot: bool) -> Past {
+        let mut past = Past { units: units_in(&receipts), ..Past::default() };
+        let mut placed = HashMap::new();
+        for receipt in receipts {
+            match receipt {
+                Receipt::Begun { .. } | Receipt::Synced { .. } => {}
+                Receipt::Spooled { unit } => {
+                    past.spooled.insert(unit);
+                    past.bucketing.remove(&unit);
+                }
+                Receipt::Surveyed(findings) => past.surveyed = Some(findings),
+                Receipt::Bucketing { unit } => {
+                    past.bucketing.insert(unit);
+                }
+                Receipt::Bucketed { unit, counts } => {
+                    past.bucketed.insert(unit, counts);
+                }
+                Receipt::Built { number, built } => {
+                    past.built.insert(number, built);
+                }
+                Receipt::Placed { number, at } => {
+                    placed.insert(number, at);
+                }
+                Receipt::Finished { inode, outcome } => past.finished = Some((inode, outcome)),
+            }
+        }
+        // Whoever places a block may be quicker than the one who brings it.
+        for (number, at) in placed {
+            if let Some(built) = past.built.get_mut(&number) {
+                built.at = Some(at);
+            }
+        }
+        if !same_boot && past.surveyed.is_some() {
+            past.spooled.clear();
+        }
+        past
+    }
+
+    /// Whether a slice's records, in whatever order, lie at its place.
+    pub fn has_records(&self, unit: u32) -> bool {
+        self.bucketed.contains_key(&unit) || (self.spooled.contains(&unit) && !self.bucketing.contains(&unit))
+    }
+
+    /// Ends of what is vouched for in octree.bin and among the risen nodes.
+    pub fn ends(&self) -> (u64, u64) {
+        let octree = self.built.values().filter_map(|b| b.at.map(|at| at + b.bytes)).max();
+        let risen = self.built.values().map(|b| b.root.offset + b.root.bytes).max();
+        (octree.unwrap_or(0), risen.unwrap_or(0))
+    }
+}
+
+/// How many units of work these receipts stand for.
+pub fn units_in(receipts: &[Receipt]) -> u64 {
+    receipts.iter().filter(|receipt| receipt.is_unit()).count() as u64
+}
+
+impl Receipt {
+    /// Whether it stands for work done, not for a stage on the way.
+    fn is_unit(&self) -> bool {
+        match self {
+            Receipt::Spooled { .. }
+            | Receipt::Surveyed(_)
+            | Receipt::Bucketed { .. }
+            | Receipt::Built { .. }
+            | Receipt::Finished { .. } => true,
+            Receipt::Begun { .. }
+            | Receipt::Synced { .. }
+            | Receipt::Bucketing { .. }
+            | Receipt::Placed { .. } => false,
+        }
+    }
+}

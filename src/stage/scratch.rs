@@ -1,0 +1,235 @@
+//! The scratch folder of a conversion that does not fit the memory: runs of
+//! records, chunks' roots until the merge, blocks that wait for their turn, and
+//! the journal of receipts for all of it.
+//!
+//! Three laws: data first, its receipt after; a unit writes only at places that
+//! are its own, so that doing it again does no harm; and nothing here is removed
+//! before what was made of it is in its place.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::counting::Findings;
+use super::error::{Result, StageError};
+use super::journal::{self, Journal};
+use super::receipt::{Built, Identity, Past, Receipt, Risen};
+use crate::cloud::node::NodeKey;
+use crate::disk::{DirLock, Disk, DiskFile};
+
+const JOURNAL: &str = "journal";
+const RUNS: &str = "runs.bin";
+const RISEN: &str = "risen.bin";
+
+/// What a fallen machine (not a killed process) may cost at most, about.
+const SYNC_EVERY: Duration = Duration::from_secs(30);
+
+/// See the module.
+pub struct Scratch {
+    disk: Disk,
+    pub folder: PathBuf,
+    identity: Identity,
+    journal: Mutex<Journal>,
+    /// Records of every slice, at places known beforehand.
+    pub runs: DiskFile,
+    /// Records of chunks' roots, one behind the other as they come.
+    risen: DiskFile,
+    risen_end: AtomicU64,
+    /// What earlier runs of this conversion did.
+    pub past: Past,
+    /// Blocks that lie in files of their own.
+    findings: Mutex<Option<Findings>>,
+    spilled: Mutex<BTreeSet<u32>>,
+    octree: Mutex<Option<Arc<DiskFile>>>,
+    synced_at: Mutex<Instant>,
+    pub lock: Arc<DirLock>,
+}
+
+impl Scratch {
+    /// Opens the folder of a conversion, or makes it. What another conversion,
+    /// another program or other options left in it is cleared.
+    pub fn open(disk: &Disk, folder: PathBuf, identity: Identity) -> Result<Scratch> {
+        disk.create_dir_all(&folder)?;
+        let lock = disk.try_lock_dir(&folder)?.ok_or_else(|| StageError::Busy(folder.clone()))?;
+        let (journal, past) = Journal::open(disk, &folder.join(JOURNAL), identity)?;
+        let mut scratch = Scratch {
+            disk: disk.clone(),
+            identity,
+            journal: Mutex::new(journal),
+            runs: disk.reopen(&folder.join(RUNS))?,
+            risen: disk.reopen(&folder.join(RISEN))?,
+            risen_end: AtomicU64::new(0),
+            past: Past::default(),
+            findings: Mutex::default(),
+            spilled: Mutex::default(),
+            octree: Mutex::default(),
+            synced_at: Mutex::new(Instant::now()),
+            folder,
+            lock: Arc::new(lock),
+        };
+        match past {
+            Some(past) => scratch.take_up(past)?,
+            None => scratch.clear()?,
+        }
+        Ok(scratch)
+    }
+
+    /// Goes on from what is there, unless less is there than was receipted.
+    fn take_up(&mut self, past: Past) -> Result<()> {
+        let (_, risen) = past.ends();
+        if self.risen.length()? < risen {
+            tracing::warn!(folder = %self.folder.display(), "intermediate files were cut; beginning anew");
+            return self.clear();
+        }
+        self.risen_end = AtomicU64::new(risen);
+        self.past = past;
+        *lock(&self.findings) = self.past.surveyed.take();
+        // A block whose file is gone or cut is made again.
+        let waiting = self.past.built.iter().filter(|(_, b)| b.at.is_none()).map(|(n, b)| (*n, b.bytes));
+        for (number, bytes) in waiting.collect::<Vec<_>>() {
+            let file = std::fs::metadata(self.block_file(number));
+            if file.is_ok_and(|meta| meta.len() == bytes) {
+                lock(&self.spilled).insert(number);
+            } else {
+                self.past.built.remove(&number);
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins anew.
+    pub fn clear(&mut self) -> Result<()> {
+        lock(&self.journal).clear(self.identity)?;
+        self.past = Past::default();
+        self.risen_end = AtomicU64::new(0);
+        *lock(&self.findings) = None;
+        lock(&self.spilled).clear();
+        for file in [&self.runs, &self.risen] {
+            file.cut_to(0)?;
+        }
+        Ok(())
+    }
+
+    /// The slices' runs and the finished octree are what later receipts vouch
+    /// for; the file of the octree is named once it is open.
+    pub fn vouch_for(&self, octree: Arc<DiskFile>) {
+        *lock(&self.octree) = Some(octree);
+    }
+
+    /// Adds the receipt of something that is written. Now and then this makes
+    /// all that was written so far last.
+    pub fn receipt(&self, receipt: &Receipt) -> Result<()> {
+        lock(&self.journal).append(receipt)?;
+        let due = match self.synced_at.try_lock() {
+            Ok(mut at) if at.elapsed() >= SYNC_EVERY => {
+                *at = Instant::now();
+                true
+            }
+            _ => false,
+        };
+        if due { self.sync() } else { Ok(()) }
+    }
+
+    /// Makes all that has a receipt last.
+    pub fn sync(&self) -> Result<()> {
+        let upto = lock(&self.journal).end();
+        self.runs.sync()?;
+        self.risen.sync()?;
+        let octree = lock(&self.octree).clone();
+        if let Some(octree) = octree {
+            octree.sync()?;
+            if let Some(folder) = octree.path().parent() {
+                self.disk.sync_dir(folder)?;
+            }
+        }
+        let spilled: Vec<u32> = lock(&self.spilled).iter().copied().collect();
+        for number in spilled {
+            // One that was placed meanwhile is gone, and that is fine.
+            self.disk.sync_file(&self.block_file(number))?;
+        }
+        self.disk.sync_dir(&self.folder)?;
+        let mut journal = lock(&self.journal);
+        journal.append(&Receipt::Synced { upto })?;
+        journal.sync()
+    }
+
+    /// What the survey of an earlier run found, to be taken once.
+    pub fn take_findings(&self) -> Option<Findings> {
+        lock(&self.findings).take()
+    }
+
+    /// Notes what the survey found, and makes all of it last: from here on slices
+    /// are overwritten in place.
+    pub fn surveyed(&self, findings: Findings) -> Result<Findings> {
+        let receipt = Receipt::Surveyed(findings);
+        self.receipt(&receipt)?;
+        self.sync()?;
+        match receipt {
+            Receipt::Surveyed(findings) => Ok(findings),
+            _ => Err(StageError::Inconsistent("a receipt changed".into())),
+        }
+    }
+
+    /// Keeps the records of a node until the merge.
+    pub fn keep(&self, node: NodeKey, has_children: bool, records: &[u8]) -> Result<Risen> {
+        let offset = self.risen_end.fetch_add(records.len() as u64, Ordering::Relaxed);
+        self.risen.write_all_at(records, offset)?;
+        Ok(Risen { node, has_children, offset, bytes: records.len() as u64 })
+    }
+
+    /// The records of a node that was kept.
+    pub fn fetch(&self, risen: &Risen) -> Result<Vec<u8>> {
+        let mut records = vec![0; risen.bytes as usize];
+        self.risen.read_exact_at(&mut records, risen.offset)?;
+        Ok(records)
+    }
+
+    /// Puts a block that must wait for its turn into a file of its own, with its
+    /// receipt.
+    pub fn spill(&self, number: u32, bytes: &[u8], built: Built) -> Result<()> {
+        let file = self.disk.create(&self.block_file(number))?;
+        file.write_all_at(bytes, 0)?;
+        lock(&self.spilled).insert(number);
+        self.receipt(&Receipt::Built { number, built: Built { at: None, ..built } })
+    }
+
+    pub fn unspill(&self, number: u32, bytes: u64) -> Result<Vec<u8>> {
+        let mut block = vec![0; bytes as usize];
+        self.disk.reopen(&self.block_file(number))?.read_exact_at(&mut block, 0)?;
+        Ok(block)
+    }
+
+    /// A spilled block is in its place now.
+    pub fn placed(&self, number: u32, at: u64) -> Result<()> {
+        self.receipt(&Receipt::Placed { number, at })?;
+        lock(&self.spilled).remove(&number);
+        Ok(self.disk.remove_file(&self.block_file(number))?)
+    }
+
+    fn block_file(&self, number: u32) -> PathBuf {
+        self.folder.join(format!("block-{number}"))
+    }
+
+    /// Bytes of the intermediate files, without what waits for a moment.
+    pub fn bytes(&self) -> Result<u64> {
+        Ok(self.runs.length()? + self.risen.length()?)
+    }
+}
+
+/// Units of work that have receipts in a scratch folder: what tells a job that
+/// gets on, crash by crash, from one that dies at the same place each time.
+pub fn units_done(folder: &std::path::Path) -> u64 {
+    match journal::read(&folder.join(JOURNAL)) {
+        Ok(receipts) => super::receipt::units_in(&receipts),
+        Err(error) => {
+            tracing::warn!(%error, "the journal of a conversion");
+            0
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,91 @@
+//! The folder beside the output in which the octree grows. It takes the output's
+//! name when it is whole; until then an older octree of that name stays as it
+//! was.
+
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::context::Context;
+use super::error::{Result, StageError};
+use super::options::{Encoding, Options};
+use super::output::OctreeFile;
+use super::scratch::Scratch;
+use super::survey::Survey;
+use crate::disk::{DirLock, Disk};
+use crate::format::potree;
+
+/// The folder beside `output` in which the octree grows.
+pub fn staging_folder(output: &Path) -> PathBuf {
+    let name = output.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
+    output.with_file_name(format!(".{name}.building"))
+}
+
+/// The folder, locked: no second conversion makes the same octree meanwhile.
+pub struct Staging {
+    pub folder: PathBuf,
+    pub lock: Arc<DirLock>,
+}
+
+impl Staging {
+    pub fn open(disk: &Disk, output: &Path) -> Result<Staging> {
+        let folder = staging_folder(output);
+        disk.create_dir_all(&folder)?;
+        match disk.try_lock_dir(&folder)? {
+            Some(lock) => Ok(Staging { folder, lock: Arc::new(lock) }),
+            None => Err(StageError::Busy(folder)),
+        }
+    }
+
+    /// Whether as much of octree.bin is here as receipts vouch for.
+    pub fn holds(&self, scratch: &Scratch) -> bool {
+        let (octree, _) = scratch.past.ends();
+        let file = std::fs::metadata(self.folder.join(potree::OCTREE));
+        octree == 0 || file.is_ok_and(|meta| meta.len() >= octree)
+    }
+
+    /// Opens octree.bin if there is room for it: a new one, or the one that
+    /// receipts vouch for.
+    pub fn octree_file(
+        &self,
+        survey: &Survey,
+        scratch: Option<&Arc<Scratch>>,
+        options: &Options,
+        context: &Context,
+    ) -> Result<OctreeFile> {
+        let disk = &context.disk;
+        let path = self.folder.join(potree::OCTREE);
+        let goes_on = scratch.is_some_and(|scratch| !scratch.past.built.is_empty());
+        if !goes_on {
+            disk.empty_dir(&self.folder)?;
+        }
+        let file = disk.reopen(&path)?;
+        let bytes = survey.points * survey.unified.schema.record_size() as u64;
+        // Brotli needs at least a fifth of the plain bytes; less is not worth a try.
+        let needed = match options.encoding {
+            Encoding::Default => bytes,
+            Encoding::Brotli => bytes / 5,
+        };
+        check_room(disk, &self.folder, needed.saturating_sub(file.allocated()?))?;
+        Ok(OctreeFile::new(file, scratch.cloned(), context.memory_limit / 8))
+    }
+
+    /// What tells this folder from the one whose name it will take.
+    pub fn inode(&self) -> Result<u64> {
+        inode(&self.folder)
+            .ok_or_else(|| StageError::Inconsistent(format!("{} is gone", self.folder.display())))
+    }
+}
+
+pub fn inode(folder: &Path) -> Option<u64> {
+    std::fs::symlink_metadata(folder).ok().map(|meta| meta.ino())
+}
+
+/// Refuses to begin what has no room to end.
+pub fn check_room(disk: &Disk, folder: &Path, needed: u64) -> Result<()> {
+    let free = disk.free_space(folder)?;
+    if free < needed {
+        return Err(StageError::NoRoom { folder: folder.to_path_buf(), needed, free });
+    }
+    Ok(())
+}
