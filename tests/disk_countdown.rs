@@ -35,7 +35,7 @@ impl House {
     async fn new(memory: u64, disk: Disk) -> House {
         // On memory, where there is any: only our own faults are wanted.
         let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
-        let layer: Layer = toml::from_str("disk_reserve = 0\nthreads = 2").unwrap();
+        let layer: Layer = toml::from_str("disk_reserve = 0\nthreads = 2\nlight_jobs = 1").unwrap();
         let mut config = Config::from_layer(layer).unwrap();
         config.root = folder.path().to_path_buf();
         config.memory_limit = memory;
@@ -169,5 +169,5 @@ async fn any_operation_may_fail_in_core() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn any_operation_may_fail_out_of_core() {
-    every_fault(1 << 20, true).await;
+    every_fault(96 << 20, true).await;
 }

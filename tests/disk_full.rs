@@ -100,7 +100,7 @@ fn octrees_filled_to_the_brim_while_it_converts() {
 fn scratch_filled_to_the_brim_while_it_converts() {
     if small_disk::inside("scratch_filled_to_the_brim_while_it_converts") {
         // So little memory that it needs its scratch.
-        filled_while_it_converts("scratch", &["--memory-limit", "128M", "--light-jobs", "8"]);
+        filled_while_it_converts("scratch", &["--memory-limit", "128M", "--light-jobs", "1"]);
     }
 }
 

@@ -62,7 +62,7 @@ pub struct Layer {
     /// Large data sets that are converted at the same time [default: 1].
     #[arg(long, env = "LODESTONE_HEAVY_JOBS", value_name = "N")]
     pub heavy_jobs: Option<u32>,
-    /// Small data sets that are converted beside them [default: 1].
+    /// Small data sets that are converted beside them [default: 2].
     #[arg(long, env = "LODESTONE_LIGHT_JOBS", value_name = "N")]
     pub light_jobs: Option<u32>,
     /// Up to this size of its files a data set is small [default: 64M].
@@ -199,7 +199,7 @@ impl Config {
             patience: millis("patience_seconds", layer.patience_seconds, 120.0)?,
             rescan: millis("rescan_seconds", layer.rescan_seconds, 30.0)?.max(100),
             heavy_jobs: at_least_one("heavy_jobs", layer.heavy_jobs, 1)? as usize,
-            light_jobs: layer.light_jobs.unwrap_or(1) as usize,
+            light_jobs: layer.light_jobs.unwrap_or(2) as usize,
             light_bytes: layer.light_bytes.unwrap_or(Size(64 << 20)).0,
             threads: match layer.threads {
                 Some(0) => return Err(wrong("threads", "at least one thread is needed")),

@@ -37,6 +37,8 @@ use worker::Finished;
 
 /// How many waiting jobs are looked at for one that fits.
 const LOOK_AHEAD: i64 = 1000;
+/// How many are looked at first; mostly one of them does.
+const FIRST_LOOK: i64 = 16;
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
 /// How often scratch is swept though no run ended, in milliseconds: a job that is
@@ -217,42 +219,59 @@ impl Engine {
     /// Step 4.
     async fn start_ready(&mut self) -> Result<(usize, usize)> {
         let (mut started, mut held) = (0, 0);
-        let config = self.tools.config.clone();
-        if !self.has_free_lane() {
-            return Ok((0, 0));
-        }
-        let now = self.tools.clock.now();
-        let longest_wait = config.policy.longest_wait.max(config.policy.first_wait);
-        for job in self.tools.store.ready(now, longest_wait, LOOK_AHEAD).await? {
-            let lane = Lane::of(&job, &config);
-            if !self.is_free(lane) {
-                if !self.has_free_lane() {
+        for lane in [Lane::Heavy, Lane::Light] {
+            let mut looked_at = 0;
+            for limit in [FIRST_LOOK, LOOK_AHEAD] {
+                if !self.is_free(lane) {
                     break;
                 }
-                continue;
-            }
-            let inputs = self.tools.store.inputs(job.id).await?;
-            let in_hand: Vec<(Lane, u64)> =
-                self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
-            let trouble = preflight::input_trouble(&inputs);
-            let is_input = trouble.is_some();
-            if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
-                held += 1;
-                if job.hold.as_deref() != Some(reason.as_str()) {
-                    if is_input && self.tools.store.give_way(job.id, &reason, now).await? {
-                        continue;
+                let now = self.tools.clock.now();
+                let sizes = lane.sizes(&self.tools.config);
+                let jobs = self.tools.store.ready(now, self.longest_wait(), sizes, limit).await?;
+                let all = (jobs.len() as i64) < limit;
+                for job in jobs.into_iter().skip(looked_at) {
+                    if !self.is_free(lane) {
+                        break;
                     }
-                    tracing::warn!(job = job.id, name = job.name, reason, "held");
-                    self.tools.store.hold(job.id, Some(&reason), now).await?;
+                    match self.try_start(job, lane, now).await? {
+                        true => started += 1,
+                        false => held += 1,
+                    }
                 }
-                continue;
-            }
-            if let Some(job) = self.tools.store.claim(job.id, &self.owner, now).await? {
-                self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
-                started += 1;
+                if all {
+                    break;
+                }
+                looked_at = limit as usize;
             }
         }
         Ok((started, held))
+    }
+
+    /// No job is told to wait for longer.
+    fn longest_wait(&self) -> Millis {
+        let policy = &self.tools.config.policy;
+        policy.longest_wait.max(policy.first_wait)
+    }
+
+    /// Starts a job, or says why it does not start yet.
+    async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
+        let store = self.tools.store.clone();
+        let inputs = store.inputs(job.id).await?;
+        let in_hand: Vec<(Lane, u64)> =
+            self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
+        let trouble = preflight::input_trouble(&inputs);
+        let is_input = trouble.is_some();
+        if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
+            let is_news = job.hold.as_deref() != Some(reason.as_str());
+            if is_news && !(is_input && store.give_way(job.id, &reason, now).await?) {
+                tracing::warn!(job = job.id, name = job.name, reason, "held");
+                store.hold(job.id, Some(&reason), now).await?;
+            }
+            return Ok(false);
+        }
+        let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
+        self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
+        Ok(true)
     }
 
     fn start(&mut self, job: Job, lane: Lane, inputs: Vec<std::path::PathBuf>, now: Millis) {
@@ -289,13 +308,14 @@ impl Engine {
         self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
     }
 
-    fn has_free_lane(&self) -> bool {
-        self.is_free(Lane::Heavy) || self.is_free(Lane::Light)
-    }
-
     /// Clears what jobs without work before them left in scratch and staging.
     async fn sweep(&mut self) -> Result<()> {
         self.swept_at = self.tools.clock.now();
+        // Thousands of small jobs leave nothing behind; they need not all be read
+        // after each.
+        if janitor::present(&self.tools.config).iter().all(|job| self.running.contains_key(job)) {
+            return Ok(());
+        }
         let open = self.tools.store.open_jobs().await?;
         let (config, disk) = (self.tools.config.clone(), self.tools.disk.clone());
         let swept = tokio::task::spawn_blocking(move || janitor::sweep(&config, &disk, &open)).await;

@@ -2,6 +2,7 @@
 //! fit is held with a reason, and what is behind it and fits goes first.
 
 use std::io;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use rustix::fs::{Access, access};
@@ -28,7 +29,20 @@ pub(super) enum Lane {
 
 impl Lane {
     pub fn of(job: &Job, config: &Config) -> Lane {
-        if config.light_jobs > 0 && job.bytes <= config.light_bytes { Lane::Light } else { Lane::Heavy }
+        if config.light_jobs > 0 && Lane::Light.sizes(config).contains(&job.bytes) {
+            Lane::Light
+        } else {
+            Lane::Heavy
+        }
+    }
+
+    /// Bytes of input of the jobs in it.
+    pub fn sizes(self, config: &Config) -> RangeInclusive<u64> {
+        match self {
+            Lane::Heavy if config.light_jobs == 0 => 0..=u64::MAX,
+            Lane::Heavy => config.light_bytes.saturating_add(1)..=u64::MAX,
+            Lane::Light => 0..=config.light_bytes,
+        }
     }
 
     /// Jobs that may run side by side in it.

@@ -3,6 +3,8 @@
 //! `WHERE lease_owner = ? AND attempts = ?` is the fence, and where no row
 //! answers, the result is thrown away.
 
+use std::ops::RangeInclusive;
+
 use sqlx::{Row, Sqlite, Transaction};
 
 use super::{Result, Store, StoreError, note, row, sharing, step};
@@ -29,15 +31,24 @@ pub enum Recovered {
 }
 
 impl Store {
-    /// Jobs that may start now, best first. One that is to wait for longer than
+    /// Jobs with inputs of these `sizes` that may start now, best first. One that is to wait for longer than
     /// `longest_wait` was told so by a clock that has been set back since.
-    pub async fn ready(&self, now: i64, longest_wait: i64, limit: i64) -> Result<Vec<Job>> {
+    pub async fn ready(
+        &self,
+        now: i64,
+        longest_wait: i64,
+        sizes: RangeInclusive<u64>,
+        limit: i64,
+    ) -> Result<Vec<Job>> {
+        let bytes = |size: &u64| i64::try_from(*size).unwrap_or(i64::MAX);
         let rows = sqlx::query(
             "SELECT * FROM job WHERE state = 'queued' AND (not_before <= ? OR not_before > ?) \
-             ORDER BY priority DESC, id LIMIT ?",
+             AND bytes BETWEEN ? AND ? ORDER BY priority DESC, id LIMIT ?",
         )
         .bind(now)
         .bind(now.saturating_add(longest_wait))
+        .bind(bytes(sizes.start()))
+        .bind(bytes(sizes.end()))
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
