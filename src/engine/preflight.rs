@@ -3,11 +3,12 @@
 
 use std::io;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, access};
 
-use super::Tools;
+use super::{Tools, janitor, publish};
 use crate::config::Config;
 use crate::config::size::Size;
 use crate::job::{Input, Job};
@@ -91,7 +92,14 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
         Lane::Heavy => in_hand.iter().map(|(_, room)| *room).fold(0, u64::saturating_add),
         Lane::Light => 0,
     };
-    let needed = room(job).saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
+    // What an earlier attempt left, this one goes on from: a job must not be kept
+    // from its end by its own beginning.
+    let taken: u64 = [janitor::scratch_of(&tools.config, job.id), publish::staging(&tools.config, job.id)]
+        .iter()
+        .map(|folder| allocated(folder))
+        .sum();
+    let wanted = room(job).saturating_sub(taken);
+    let needed = wanted.saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
     for folder in [tools.config.scratch(), tools.config.octrees()] {
         // As after an I/O error, when the system mounts it anew for reading only:
         // then no job should fail for it, one after the other.
@@ -103,7 +111,7 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
                 return Some(format!(
                     "needs up to {} on the disk of {}, which has {} free, of which {} are kept free and {} are \
                      set apart for running jobs",
-                    Size(room(job)),
+                    Size(wanted),
                     folder.display(),
                     Size(free),
                     Size(tools.config.disk_reserve),
@@ -115,6 +123,16 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
         }
     }
     None
+}
+
+/// Bytes of disk that a folder's files take up; zero where there is none.
+fn allocated(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let bytes = entries.flatten().filter_map(|entry| {
+        let metadata = entry.metadata().ok()?;
+        Some(if metadata.is_dir() { allocated(&entry.path()) } else { metadata.blocks() * 512 })
+    });
+    bytes.sum()
 }
 
 /// The first input that is not what it was when the job was queued. One that is
