@@ -18,7 +18,7 @@ use crate::stage::merge::merge;
 use crate::stage::options::Options;
 use crate::stage::publish::{self, Octree};
 use crate::stage::receipt::Receipt;
-use crate::stage::scratch::Scratch;
+use crate::stage::scratch::{Scratch, units_done};
 use crate::stage::staging::{self, Staging, staging_folder};
 use crate::stage::survey::{self, Opened};
 
@@ -116,7 +116,7 @@ fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
     match &result {
         Ok(_) if request.keep_scratch => traces.folders.truncate(1),
         Ok(_) => {}
-        Err(error) if may_go_on(error) && traces.receipted => traces.folders.clear(),
+        Err(error) if may_go_on(error) && units_done(&context.scratch) > 0 => traces.folders.clear(),
         Err(_) => {}
     }
     result.map_err(|error| Ended { error, resumed })
@@ -134,8 +134,7 @@ struct Traces {
     /// Staging, then scratch; empty until they are ours.
     folders: Vec<PathBuf>,
     wanted: [PathBuf; 2],
-    /// Whether there are receipts, and whether earlier ones were taken up.
-    receipted: bool,
+    /// Whether receipts of an earlier run were taken up.
     resumed: bool,
     /// Held until all is taken away.
     locks: Vec<Arc<DirLock>>,
@@ -144,14 +143,7 @@ struct Traces {
 impl Traces {
     fn new(request: &Request, context: &Context) -> Traces {
         let wanted = [staging_folder(&request.output), context.scratch.clone()];
-        Traces {
-            disk: context.disk.clone(),
-            folders: Vec::new(),
-            wanted,
-            receipted: false,
-            resumed: false,
-            locks: Vec::new(),
-        }
+        Traces { disk: context.disk.clone(), folders: Vec::new(), wanted, resumed: false, locks: Vec::new() }
     }
 
     fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>) {
@@ -195,7 +187,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         return Err(StageError::OutputExists(request.output.clone()));
     }
     let units_resumed = scratch.as_ref().map_or(0, |scratch| scratch.past.units);
-    (traces.receipted, traces.resumed) = (scratch.is_some(), units_resumed > 0);
+    traces.resumed = units_resumed > 0;
     if units_resumed > 0 {
         tracing::info!(units = units_resumed, "going on from an earlier run");
         opened.notes.push(format!("went on from an earlier run that had done {units_resumed} units of work"));

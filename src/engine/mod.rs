@@ -28,6 +28,7 @@ use crate::job::{Job, JobId, Wish};
 use crate::metrics::Metrics;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::Options;
+use crate::stage::scratch::units_done;
 use crate::store::board::Board;
 use crate::store::{Ending, Recovered, Result, Store};
 use converter::{Converter, Work};
@@ -117,7 +118,9 @@ impl Engine {
     /// once, under the lock of the state folder, before the first tick.
     pub async fn recover(&mut self) -> Result<()> {
         let now = self.tools.clock.now();
-        for found in self.tools.store.recover(&self.owner, &self.tools.config.policy, now).await? {
+        let config = self.tools.config.clone();
+        let units = |job| units_done(&janitor::scratch_of(&config, job));
+        for found in self.tools.store.recover(&self.owner, &config.policy, now, units).await? {
             match found {
                 Recovered::Judged(job, event) => {
                     tracing::warn!(job, event = event.name(), "was running when the daemon died");

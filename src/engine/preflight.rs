@@ -21,6 +21,9 @@ const BYTES_A_POINT: u64 = 80;
 /// about one to eight.
 const BYTES_A_BYTE: u64 = 16;
 
+/// Memory that a conversion needs to work out of core with usual records.
+const LEAST_MEMORY: u64 = 64 << 20;
+
 /// Large data sets do not stand in the way of small ones: each has its lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lane {
@@ -54,13 +57,17 @@ impl Lane {
         }
     }
 
-    /// Bytes of memory for one job: the light lane has a quarter of it all.
+    /// Bytes of memory for one job: the light lane has a quarter of it all, but
+    /// enough to work with.
     pub fn memory(self, config: &Config) -> u64 {
-        let quarter = config.memory_limit / 4;
+        let light_jobs = config.light_jobs as u64;
+        let light = (config.memory_limit / 4 / light_jobs.max(1)).max(LEAST_MEMORY);
         match self {
-            Lane::Heavy if config.light_jobs == 0 => config.memory_limit / config.heavy_jobs as u64,
-            Lane::Heavy => 3 * quarter / config.heavy_jobs as u64,
-            Lane::Light => quarter / config.light_jobs.max(1) as u64,
+            Lane::Light => light,
+            Lane::Heavy => {
+                let rest = config.memory_limit.saturating_sub(light * light_jobs);
+                (rest / config.heavy_jobs as u64).max(LEAST_MEMORY)
+            }
         }
     }
 }

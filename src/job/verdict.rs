@@ -5,7 +5,9 @@
 //! or a failure that trying again cannot help. Three strikes send a job to
 //! quarantine: a poison input must not take the daemon down for ever. A failure
 //! that may pass (no room, an I/O error) is no strike: the job waits, longer each
-//! time, and gives up only after many tries.
+//! time, and gives up only after many tries. Nor is a crash of the daemon under a
+//! job that has got on since the crash before: an hours-long job on a shaky
+//! machine is not poison.
 
 use super::Event;
 
@@ -21,6 +23,8 @@ pub enum End {
     Panicked,
     /// The daemon died under the job.
     Crashed,
+    /// The daemon died under the job, which had got on since the last time.
+    Interrupted,
     /// The daemon shuts down in good order.
     Parked,
     Cancelled,
@@ -75,6 +79,9 @@ pub fn judge(end: End, tally: Tally, policy: &Policy) -> Verdict {
         End::Parked => at_once(Event::Park, Tally { attempts: tally.attempts.saturating_sub(1), ..tally }),
         End::Hopeless | End::Panicked => strike(tally, policy, Event::Fail, 0),
         End::Crashed => strike(tally, policy, Event::Crash, policy.first_wait),
+        // Whatever kills the daemon, it is not the same piece of this job. Units
+        // are finite, so this ends.
+        End::Interrupted => at_once(Event::Crash, Tally { strikes: 0, ..tally }),
         End::Passing => {
             let tally = Tally { postponements: tally.postponements + 1, ..tally };
             if tally.postponements >= policy.max_postponements {
@@ -113,12 +120,13 @@ mod tests {
     use crate::job::machine::{State, next};
     use proptest::prelude::*;
 
-    const ENDS: [End; 8] = [
+    const ENDS: [End; 9] = [
         End::Published,
         End::Hopeless,
         End::Passing,
         End::Panicked,
         End::Crashed,
+        End::Interrupted,
         End::Parked,
         End::Cancelled,
         End::Paused,
@@ -136,7 +144,7 @@ mod tests {
             prop_assert!(verdict.wait >= 0 && verdict.wait <= Policy::default().longest_wait);
         }
 
-        /// However a job's life goes, poison runs at most three times before
+        /// However a job's life goes, poison runs at most three times in a row before
         /// someone has to decide anew.
         #[test]
         fn poison_runs_at_most_three_times(ends in prop::collection::vec(any_end(), 1..60)) {
@@ -146,7 +154,11 @@ mod tests {
             for end in ends {
                 if state != State::Queued { break }
                 tally.attempts += 1;
-                if matches!(end, End::Crashed | End::Panicked | End::Hopeless) { struck += 1 }
+                match end {
+                    End::Crashed | End::Panicked | End::Hopeless => struck += 1,
+                    End::Interrupted => struck = 0,
+                    _ => {}
+                }
                 let verdict = judge(end, tally, &policy);
                 tally = verdict.tally;
                 state = next(State::Running, verdict.event).expect("a legal verdict");

@@ -7,4 +7,5 @@ pub mod order;
 pub mod poisson;
 pub mod random;
 pub mod sampler;
+pub mod thin;
 pub mod tree;

@@ -9,6 +9,7 @@
 //! whatever it holds.
 
 use super::sampler::{Item, Sampler};
+use super::thin::Thinner;
 use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 
@@ -34,6 +35,7 @@ pub struct Builder<'s, E: Emit> {
     pub sampler: &'s mut dyn Sampler,
     pub emit: E,
     taken: Vec<bool>,
+    thinner: Thinner,
 }
 
 /// A node's points: where the sort left them, or those it sampled.
@@ -66,7 +68,7 @@ pub struct Root {
 
 impl<'s, E: Emit> Builder<'s, E> {
     pub fn new(bits: u32, leaf_limit: usize, sampler: &'s mut dyn Sampler, emit: E) -> Self {
-        Builder { bits, leaf_limit, sampler, emit, taken: Vec::new() }
+        Builder { bits, leaf_limit, sampler, emit, taken: Vec::new(), thinner: Thinner::default() }
     }
 
     /// Builds the tree below `node` from all of its points (`spare` is room for
@@ -145,6 +147,7 @@ impl<'s, E: Emit> Builder<'s, E> {
         let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
         let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
+        self.thinner.thin(frame, &candidates, &mut self.taken);
         let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count());
         let mut flags = self.taken.iter();
         let mut kept = Vec::with_capacity(children.len());

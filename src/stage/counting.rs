@@ -218,7 +218,8 @@ impl Counter<'_> {
                     {
                         // Decoding is the dearest step of all; once is enough.
                         scratch.runs.write_all_at(buffer, unit.at)?;
-                        scratch.receipt(&Receipt::Spooled { unit: i as u32 })?;
+                        let end = unit.at + buffer.len() as u64;
+                        scratch.receipt(&Receipt::Spooled { unit: i as u32, end })?;
                         *kept = Kept::Scratch;
                     }
                 }

@@ -164,7 +164,8 @@ impl Bucketer {
         self.slice = records;
         scratch.runs.write_all_at(&self.run, unit.at)?;
         let held = (0..).zip(&counts).filter(|(_, n)| **n > 0).map(|(chunk, n)| (chunk, *n)).collect();
-        scratch.receipt(&Receipt::Bucketed { unit: number, counts: held })?;
+        let end = unit.at + self.run.len() as u64;
+        scratch.receipt(&Receipt::Bucketed { unit: number, end, counts: held })?;
         Ok(counts)
     }
 

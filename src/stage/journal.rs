@@ -142,6 +142,10 @@ mod tests {
 
     const ME: Identity = [1; 32];
 
+    fn spool(unit: u32) -> Receipt {
+        Receipt::Spooled { unit, end: 0 }
+    }
+
     fn spooled(past: &Past) -> Vec<u32> {
         (0..100).filter(|unit| past.has_records(*unit)).collect()
     }
@@ -162,11 +166,11 @@ mod tests {
     fn a_killed_process_is_believed_and_a_fallen_machine_as_far_as_was_synced() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
-        written(&path, &[Receipt::Spooled { unit: 3 }]);
+        written(&path, &[spool(3)]);
         let upto = std::fs::metadata(&path).expect("there").len();
         let (mut journal, _) = Journal::open_in(&Disk::new(), &path, ME, "a".into()).expect("opened");
         journal.append(&Receipt::Synced { upto }).expect("appended");
-        journal.append(&Receipt::Spooled { unit: 5 }).expect("appended");
+        journal.append(&spool(5)).expect("appended");
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [3, 5]);
         // What was not synced is gone for good, also for those who come later.
         assert_eq!(spooled(&past(&path, ME, "b").expect("a past")), [3]);
@@ -185,7 +189,7 @@ mod tests {
     fn receipts_of_another_conversion_count_for_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
-        written(&path, &[Receipt::Spooled { unit: 3 }]);
+        written(&path, &[spool(3)]);
         assert!(past(&path, [2; 32], "a").is_none());
         assert!(past(&path, ME, "a").is_none(), "the other conversion has begun there");
     }
@@ -194,7 +198,7 @@ mod tests {
     fn a_torn_or_changed_end_is_cut_off_wherever_it_is_torn() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
-        written(&path, &[Receipt::Spooled { unit: 3 }, Receipt::Spooled { unit: 4 }]);
+        written(&path, &[spool(3), spool(4)]);
         let whole = std::fs::read(&path).expect("read");
         for cut in 0..whole.len() {
             std::fs::write(&path, &whole[..cut]).expect("written");
@@ -214,11 +218,10 @@ mod tests {
     fn a_slice_that_was_being_overwritten_is_read_again() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
-        let units = |unit: u32| Receipt::Spooled { unit };
-        written(&path, &[units(1), units(2), Receipt::Bucketing { unit: 1 }]);
+        written(&path, &[spool(1), spool(2), Receipt::Bucketing { unit: 1 }]);
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [2]);
         let (mut journal, _) = Journal::open_in(&Disk::new(), &path, ME, "a".into()).expect("opened");
-        journal.append(&Receipt::Bucketed { unit: 1, counts: vec![(0, 9)] }).expect("appended");
+        journal.append(&Receipt::Bucketed { unit: 1, end: 0, counts: vec![(0, 9)] }).expect("appended");
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [1, 2]);
     }
 }

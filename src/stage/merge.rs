@@ -21,6 +21,7 @@ use crate::cloud::node::NodeKey;
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
+use crate::lod::thin::Thinner;
 use crate::lod::tree::{Emit, move_taken};
 
 /// Level whose nodes' subtrees are merged side by side: up to 64, of which a
@@ -138,6 +139,7 @@ struct Merger<'a> {
     scratch: Option<&'a Scratch>,
     writer: NodeWriter<'a, PlainRecords>,
     taken: Vec<bool>,
+    thinner: Thinner,
 }
 
 /// A node above or at a chunk's root that its parent has not sampled yet.
@@ -168,6 +170,7 @@ impl<'a> Merger<'a> {
             scratch,
             writer: NodeWriter::new(survey, options.encoding, records),
             taken: Vec::new(),
+            thinner: Thinner::default(),
         }
     }
 
@@ -217,6 +220,7 @@ impl<'a> Merger<'a> {
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
         let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
+        self.thinner.thin(frame, &candidates, &mut self.taken);
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
         let mut items = Vec::new();

@@ -31,14 +31,15 @@ pub enum Receipt {
     /// Everything that receipts before byte `upto` of the journal vouch for has
     /// reached the disk.
     Synced { upto: u64 },
-    /// A slice's decoded records lie at its place in the scratch.
-    Spooled { unit: u32 },
+    /// A slice's decoded records lie at its place in the scratch, up to byte `end`.
+    Spooled { unit: u32, end: u64 },
     /// The survey is over. Synced before anything else is done.
     Surveyed(Findings),
     /// From here on the slice's place may hold anything.
     Bucketing { unit: u32 },
-    /// The slice's run lies at its place; points by chunk, in their order.
-    Bucketed { unit: u32, counts: Vec<(u32, u32)> },
+    /// The slice's run lies at its place, up to byte `end`; points by chunk, in
+    /// their order.
+    Bucketed { unit: u32, end: u64, counts: Vec<(u32, u32)> },
     /// A chunk or a step of the merge is done.
     Built { number: u32, built: Built },
     /// A block that had to wait has its place in octree.bin now.
@@ -79,6 +80,7 @@ pub struct Risen {
 pub struct Past {
     spooled: HashSet<u32>,
     bucketing: HashSet<u32>,
+    runs_end: u64,
     pub surveyed: Option<Findings>,
     pub bucketed: HashMap<u32, Vec<(u32, u32)>>,
     pub built: HashMap<u32, Built>,
@@ -97,7 +99,8 @@ impl Past {
         for receipt in receipts {
             match receipt {
                 Receipt::Begun { .. } | Receipt::Synced { .. } => {}
-                Receipt::Spooled { unit } => {
+                Receipt::Spooled { unit, end } => {
+                    past.runs_end = past.runs_end.max(end);
                     past.spooled.insert(unit);
                     past.bucketing.remove(&unit);
                 }
@@ -105,7 +108,8 @@ impl Past {
                 Receipt::Bucketing { unit } => {
                     past.bucketing.insert(unit);
                 }
-                Receipt::Bucketed { unit, counts } => {
+                Receipt::Bucketed { unit, end, counts } => {
+                    past.runs_end = past.runs_end.max(end);
                     past.bucketed.insert(unit, counts);
                 }
                 Receipt::Built { number, built } => {
@@ -134,12 +138,20 @@ impl Past {
         self.bucketed.contains_key(&unit) || (self.spooled.contains(&unit) && !self.bucketing.contains(&unit))
     }
 
-    /// Ends of what is vouched for in octree.bin and among the risen nodes.
-    pub fn ends(&self) -> (u64, u64) {
+    /// How long the files must be at least to hold what is vouched for.
+    pub fn ends(&self) -> Ends {
         let octree = self.built.values().filter_map(|b| b.at.map(|at| at + b.bytes)).max();
         let risen = self.built.values().map(|b| b.root.offset + b.root.bytes).max();
-        (octree.unwrap_or(0), risen.unwrap_or(0))
+        Ends { runs: self.runs_end, octree: octree.unwrap_or(0), risen: risen.unwrap_or(0) }
     }
+}
+
+/// Lengths in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ends {
+    pub runs: u64,
+    pub octree: u64,
+    pub risen: u64,
 }
 
 /// How many units of work these receipts stand for.

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use super::counting::Findings;
 use super::error::{Result, StageError};
 use super::journal::{self, Journal};
-use super::receipt::{Built, Identity, Past, Receipt, Risen};
+use super::receipt::{Built, Ends, Identity, Past, Receipt, Risen};
 use crate::cloud::node::NodeKey;
 use crate::disk::{DirLock, Disk, DiskFile};
 
@@ -78,8 +78,8 @@ impl Scratch {
 
     /// Goes on from what is there, unless less is there than was receipted.
     fn take_up(&mut self, past: Past) -> Result<()> {
-        let (_, risen) = past.ends();
-        if self.risen.length()? < risen {
+        let Ends { runs, risen, .. } = past.ends();
+        if self.risen.length()? < risen || self.runs.length()? < runs {
             tracing::warn!(folder = %self.folder.display(), "intermediate files were cut; beginning anew");
             return self.clear();
         }

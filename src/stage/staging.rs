@@ -39,7 +39,7 @@ impl Staging {
 
     /// Whether as much of octree.bin is here as receipts vouch for.
     pub fn holds(&self, scratch: &Scratch) -> bool {
-        let (octree, _) = scratch.past.ends();
+        let octree = scratch.past.ends().octree;
         let file = std::fs::metadata(self.folder.join(potree::OCTREE));
         octree == 0 || file.is_ok_and(|meta| meta.len() >= octree)
     }

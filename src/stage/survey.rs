@@ -206,6 +206,10 @@ fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
     units
 }
 
+/// Points a thread up to which a cloud is converted in core, where nothing is
+/// kept of it should it be interrupted: a minute or two of work.
+const IN_CORE_POINTS: u64 = 100_000_000;
+
 /// Whether all raw records fit the memory limit beside the work on them.
 fn fits_in_core(files: &[LasFile], units: &[Unit], points: u64, context: &Context) -> bool {
     let raw: u64 = files.iter().map(|f| f.header().points * f.header().record_length as u64).sum();
@@ -213,7 +217,8 @@ fn fits_in_core(files: &[LasFile], units: &[Unit], points: u64, context: &Contex
     let slice = units.iter().map(|u| u64::from(u.slice.points)).max().unwrap_or(0) * longest;
     let chunk = points.min(plan::chunk_limit(points));
     let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, longest + 8));
-    raw + work + plan::census_cells(points) * 16 + (32 << 20) <= context.memory_limit
+    let needed = raw + work + plan::census_cells(points) * 16 + (32 << 20);
+    needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }
 
 /// The first file's reference system that says something; the others are

@@ -60,7 +60,10 @@ pub enum StoreError {
 pub type Result<T> = std::result::Result<T, StoreError>;
 
 /// The schema, one file a version; a released file is never edited again.
-const MIGRATIONS: &[(i64, &str, &str)] = &[(1, "queue", include_str!("../../migrations/0001_queue.sql"))];
+const MIGRATIONS: &[(i64, &str, &str)] = &[
+    (1, "queue", include_str!("../../migrations/0001_queue.sql")),
+    (3, "units", include_str!("../../migrations/0003_units.sql")),
+];
 
 /// The queue. Cheap to clone.
 #[derive(Debug, Clone)]

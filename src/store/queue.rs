@@ -264,7 +264,14 @@ impl Store {
     /// After the lock on the state folder is taken no other daemon can hold a
     /// lease: every running job was left by one that died. Those whose octree is
     /// staged are handed back to be published; the others are judged as crashed.
-    pub async fn recover(&self, owner: &str, policy: &Policy, now: i64) -> Result<Vec<Recovered>> {
+    /// `units` tells how many units of work a job has receipts for.
+    pub async fn recover(
+        &self,
+        owner: &str,
+        policy: &Policy,
+        now: i64,
+        units: impl Fn(JobId) -> u64,
+    ) -> Result<Vec<Recovered>> {
         let mut tx = self.begin().await?;
         let rows = sqlx::query("SELECT * FROM job WHERE state = 'running'").fetch_all(&mut *tx).await?;
         let mut recovered = Vec::with_capacity(rows.len());
@@ -279,10 +286,17 @@ impl Store {
                 recovered.push(Recovered::Staged(Box::new(job)));
                 continue;
             }
+            let (before, units) = (row.try_get::<i64, _>("units")?, units(job.id) as i64);
+            sqlx::query("UPDATE job SET units = ? WHERE id = ?")
+                .bind(units)
+                .bind(job.id)
+                .execute(&mut *tx)
+                .await?;
             // An operator's wish outlives the crash.
             let end = match job.wish {
                 Some(Wish::Cancel) => End::Cancelled,
                 Some(Wish::Pause) => End::Paused,
+                None if units > before => End::Interrupted,
                 None => End::Crashed,
             };
             let error = "the daemon died while it converted this".to_string();
