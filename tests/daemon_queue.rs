@@ -503,7 +503,7 @@ async fn the_queue_outlives_its_process_and_a_newer_schema_is_refused() {
     assert_eq!(again.stamps().await.unwrap().len(), 1);
     again.close().await;
     let raw = sqlx::SqlitePool::connect(&format!("sqlite:{}", path.display())).await.unwrap();
-    sqlx::query("UPDATE _sqlx_migrations SET version = 999").execute(&raw).await.unwrap();
+    sqlx::query("UPDATE _sqlx_migrations SET version = 999 WHERE version = 1").execute(&raw).await.unwrap();
     raw.close().await;
     let refused = Store::open(path).await.unwrap_err().to_string();
     assert!(refused.contains("newer Lodestone"), "{refused}");

@@ -135,7 +135,8 @@ impl Daemon {
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
         let mut child = Command::new(line[0])
             .args(&line[1..])
-            .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4", "--rescan-seconds", "1"])
+            .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4"])
+            .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
