@@ -30,14 +30,14 @@ impl DiskError {
     }
 
     /// Whether trying again later, with nothing changed but the machine's
-    /// state, can help: no room, no handles, an I/O error. Not so for a path
-    /// that cannot exist or may not be touched.
+    /// state, can help: no room, no handles, an I/O error, a disk that is
+    /// mounted read-only after one. Not so for a path that cannot exist or may
+    /// not be touched.
     pub fn may_pass(&self) -> bool {
         !matches!(
             self.source.kind(),
             io::ErrorKind::NotFound
                 | io::ErrorKind::PermissionDenied
-                | io::ErrorKind::ReadOnlyFilesystem
                 | io::ErrorKind::NotADirectory
                 | io::ErrorKind::InvalidInput
                 | io::ErrorKind::InvalidFilename
@@ -76,9 +76,21 @@ impl Disk {
     }
 
     /// A disk whose `nth` changing operation (from 0) and all after it fail
-    /// with `error`; for tests.
+    /// with `error`, writes after half of their bytes; for tests.
     pub fn failing_from(nth: i64, error: io::ErrorKind) -> Disk {
         Disk { faults: Some(Arc::new(Faults { countdown: AtomicI64::new(nth), error })), ..Disk::default() }
+    }
+
+    /// Ends the faults of this disk, and of all its clones.
+    pub fn heal(&self) {
+        if let Some(faults) = &self.faults {
+            faults.countdown.store(i64::MAX, Ordering::SeqCst);
+        }
+    }
+
+    /// Whether a fault has struck.
+    pub fn has_failed(&self) -> bool {
+        self.faults.as_ref().is_some_and(|faults| faults.countdown.load(Ordering::SeqCst) < 0)
     }
 
     /// Bytes written through this disk so far.
@@ -236,7 +248,10 @@ impl DiskFile {
     }
 
     pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<()> {
-        self.disk.strike("write to", &self.path)?;
+        self.disk.strike("write to", &self.path).inspect_err(|_| {
+            // A full disk takes what still fits.
+            let _ = self.file.write_all_at(&bytes[..bytes.len() / 2], offset);
+        })?;
         self.file.write_all_at(bytes, offset).map_err(|e| DiskError::new("write to", &self.path, e))?;
         self.disk.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         Ok(())

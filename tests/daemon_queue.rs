@@ -268,6 +268,48 @@ async fn the_attempt_is_counted_before_the_run_and_three_crashes_are_quarantine(
     assert_eq!(house.runs().len(), 3, "and it is left alone");
 }
 
+/// Leases end with their owner, not with time: nobody "rescues" a long job.
+#[tokio::test]
+async fn an_hours_long_job_is_never_taken_for_dead() {
+    let mut house = House::new(PLAIN).await;
+    house.acts("long", &[Act::Hang]);
+    let job = id(house.drop_file("long", "x").await);
+    house.turn_until(job, State::Running).await;
+    for _ in 0..10 {
+        house.advance(10 * 3_600_000);
+        house.engine.tick().await.unwrap();
+    }
+    let job = house.job(job).await;
+    assert_eq!((job.state, job.attempts, job.strikes), (State::Running, 1, 0));
+    assert_eq!(house.runs(), ["long"]);
+    house.engine.stop().await;
+}
+
+/// Called off in the moment in which its run fails for now, a job must not come
+/// back by way of being tried again.
+#[tokio::test]
+async fn a_job_that_is_cancelled_as_it_fails_stays_cancelled() {
+    let mut house = House::new(PLAIN).await;
+    house.acts("a", &[Act::FailForNow]);
+    let job = id(house.drop_file("a", "x").await);
+    house.turn_until(job, State::Running).await;
+    // The run has ended, and nobody has looked yet.
+    house.tools.bell.notified().await;
+    house.tools.store.order(job, Event::Cancel, 0).await.unwrap();
+    assert_eq!(house.turn_until(job, State::Cancelled).await.attempts, 1);
+}
+
+#[tokio::test]
+async fn a_clock_that_is_set_back_does_not_keep_a_job_waiting() {
+    let mut house = House::new(PLAIN).await;
+    house.acts("a", &[Act::FailForNow, Act::Succeed]);
+    let job = id(house.drop_file("a", "x").await);
+    house.turn_until(job, State::Running).await;
+    house.turn_until(job, State::Queued).await;
+    house.advance(-30 * 86_400_000);
+    house.turn_until(job, State::Done).await;
+}
+
 #[tokio::test]
 async fn a_shutdown_parks_the_job_and_does_not_count_its_attempt() {
     let mut house = House::new(PLAIN).await;

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 /// So little memory that the cloud is converted out of core, by one thread, so
 /// that it takes its time.
-const ARGUMENTS: &[&str] = &["--memory-limit", "128M", "--threads", "1"];
+const ARGUMENTS: &[&str] = &["--memory-limit", "192M", "--threads", "1"];
 const POINTS: u32 = 4_000_000;
 
 fn dropped(root: &Path) -> Daemon {

@@ -1,12 +1,12 @@
 //! What `deploy/` says of the program is held against the program: an alert on
 //! a series that nobody writes never fires, and nobody notices.
 
+mod daemon_support;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-mod daemon_support;
 
 fn read(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
@@ -112,13 +112,52 @@ fn settings_that_are_deployed_or_written_of_exist() {
     assert!(known.contains("LODESTONE_LISTEN"), "{help}");
     for file in ["deploy/lodestone.service", "deploy/Dockerfile", "README.md"] {
         for word in words(&read(file), "LODESTONE_") {
-            let of_tests = ["LODESTONE_DATA", "LODESTONE_VIEWER"].contains(&word.as_str());
+            let of_tests = ["DATA", "VIEWER", "PROMETHEUS", "SMALL_DISKS", "HISTORIES", "MANY", "KILLS"];
             // What a hook is told is no setting; daemon_control.rs holds it to that.
-            let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"]
-                .iter()
-                .any(|name| word == format!("LODESTONE_{name}"));
-            assert!(of_tests || of_hooks || known.contains(&word), "{file} speaks of {word}");
+            let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"];
+            let other = of_tests.iter().chain(&of_hooks).any(|name| word == format!("LODESTONE_{name}"));
+            assert!(other || known.contains(&word), "{file} speaks of {word}");
         }
+    }
+}
+
+/// The image's health check, run against a daemon as it runs there: with a token.
+#[test]
+fn the_image_s_health_check_tells_a_living_daemon_from_a_dead_one() {
+    let dockerfile = read("deploy/Dockerfile").replace("\\\n", "");
+    let check = dockerfile.lines().find(|line| line.starts_with("HEALTHCHECK")).expect("a health check");
+    let (_, command) = check.split_once("CMD ").expect("a command");
+    let command: Vec<String> = serde_json::from_str(command).expect("in the exec form");
+    let root = tempfile::tempdir().expect("a folder");
+    let mut daemon =
+        daemon_support::Daemon::start_with(&root.path().join("data"), &["--token", "a great secret"]);
+    let place = daemon.address.replace(':', "/");
+    assert!(command[2].contains("127.0.0.1/7700"), "{command:?}");
+    let healthy = || {
+        let script = command[2].replace("127.0.0.1/7700", &place);
+        Command::new(&command[0]).arg(&command[1]).arg(script).output().expect("bash").status.success()
+    };
+    assert!(healthy());
+    daemon.kill();
+    assert!(!healthy());
+}
+
+/// What the image is built from is there, under the names that it uses.
+#[test]
+fn the_image_copies_what_the_build_makes() {
+    let dockerfile = read("deploy/Dockerfile");
+    assert!(dockerfile.contains("cargo build --release --locked --bin lodestone"));
+    assert!(dockerfile.contains("--from=build /src/target/release/lodestone "));
+    let cargo = read("Cargo.toml");
+    let oldest = cargo.lines().find_map(|line| line.strip_prefix("rust-version = ")).expect("a version");
+    assert!(
+        dockerfile.contains(&format!("FROM rust:{}-slim-bookworm", oldest.trim_matches('"'))),
+        "{oldest}"
+    );
+    // Nothing that the build reads may be kept from it.
+    let ignored = read(".dockerignore");
+    for needed in ["src", "Cargo.toml", "Cargo.lock", "migrations", "benches", "tests"] {
+        assert!(ignored.lines().all(|line| line.trim_matches('/') != needed), "{needed} is ignored");
     }
 }
 

@@ -42,7 +42,7 @@ pub struct Layer {
     /// Large data sets that are converted at the same time [default: 1].
     #[arg(long, env = "LODESTONE_HEAVY_JOBS", value_name = "N")]
     pub heavy_jobs: Option<u32>,
-    /// Small data sets that are converted beside them [default: 1].
+    /// Small data sets that are converted beside them [default: 2].
     #[arg(long, env = "LODESTONE_LIGHT_JOBS", value_name = "N")]
     pub light_jobs: Option<u32>,
     /// Up to this size of its files a data set is small [default: 64M].

@@ -36,6 +36,9 @@ pub enum ConfigError {
     Value { key: &'static str, message: String },
 }
 
+/// Memory that a conversion needs to work out of core with usual records.
+pub const LEAST_MEMORY: u64 = 64 << 20;
+
 /// Milliseconds.
 const MINUTE: f64 = 60_000.0;
 const DAY: f64 = 86_400_000.0;
@@ -109,6 +112,9 @@ impl Config {
             );
             return Err(wrong("listen", message));
         }
+        let heavy_jobs = at_least_one("heavy_jobs", layer.heavy_jobs, 1)?;
+        let light_jobs = layer.light_jobs.unwrap_or(2);
+        let lanes = u64::from(heavy_jobs) + u64::from(light_jobs);
         Ok(Config {
             root: layer.root.unwrap_or_else(|| PathBuf::from("lodestone-data")),
             watch: layer.watch,
@@ -117,8 +123,8 @@ impl Config {
             settle: millis("settle_seconds", layer.settle_seconds, 5.0)?,
             patience: millis("patience_seconds", layer.patience_seconds, 120.0)?,
             rescan: millis("rescan_seconds", layer.rescan_seconds, 30.0)?.max(100),
-            heavy_jobs: at_least_one("heavy_jobs", layer.heavy_jobs, 1)? as usize,
-            light_jobs: layer.light_jobs.unwrap_or(1) as usize,
+            heavy_jobs: heavy_jobs as usize,
+            light_jobs: light_jobs as usize,
             light_bytes: layer.light_bytes.unwrap_or(Size(64 << 20)).0,
             threads: match layer.threads {
                 Some(0) => return Err(wrong("threads", "at least one thread is needed")),
@@ -126,11 +132,16 @@ impl Config {
                 None => machine::threads(),
             },
             memory_limit: match layer.memory_limit {
-                Some(Size(bytes)) if bytes < 128 << 20 => {
-                    return Err(wrong("memory_limit", "a conversion needs at least 128M"));
+                Some(Size(bytes)) if bytes < lanes * LEAST_MEMORY => {
+                    let message = format!(
+                        "{lanes} conversions may run side by side and need at least {} each; allow more, or \
+                         fewer `heavy_jobs` and `light_jobs`",
+                        Size(LEAST_MEMORY)
+                    );
+                    return Err(wrong("memory_limit", message));
                 }
                 Some(Size(bytes)) => bytes,
-                None => (machine::memory() / 2).max(256 << 20),
+                None => (machine::memory() / 2).max((lanes * LEAST_MEMORY).max(256 << 20)),
             },
             disk_reserve: layer.disk_reserve.unwrap_or(Size(256 << 20)).0,
             policy: Policy {

@@ -80,6 +80,10 @@ impl Watching {
         if self.events.hints.take_lost() {
             tracing::warn!("file events were lost; the scan finds what they would have told");
         }
+        match self.shared.store.to_look_at_again().await {
+            Ok(paths) => paths.iter().for_each(|path| self.watcher.forget(path)),
+            Err(error) => tracing::warn!(%error, "what to look at again could not be read"),
+        }
         let now = self.shared.clock.now();
         let watcher = &mut self.watcher;
         // A scan of tens of thousands of files takes some tens of milliseconds.

@@ -33,32 +33,35 @@ impl Engine {
     }
 
     /// The conversion succeeded: publish, unless an operator or the source
-    /// thought better of it meanwhile.
+    /// thought better of it meanwhile; the queue knows.
     async fn settle_success(&self, running: &Running, report: &Report) -> Result<Ending> {
-        if let Some(Stop::Wish(wish)) = running.stop {
-            return Ok(Ending { end: wish_end(wish), error: None });
-        }
         let inputs = self.tools.store.inputs(running.job.id).await?;
         if let Some(changed) = preflight::changed(&inputs) {
             let error =
                 format!("{} changed while it was converted; waiting until it is quiet", changed.display());
             return Ok(Ending { end: End::Passing, error: Some(error) });
         }
-        let staged = match publish::inode(&publish::staging(&self.tools.config, running.job.id)) {
-            Ok(inode) => inode,
-            // Published by this call's forerunner, which could not record it.
-            Err(_) => self.tools.store.job(running.job.id).await?.staged.unwrap_or(0),
+        let staged = match self.tools.store.job(running.job.id).await?.staged {
+            // This call's forerunner got so far, and what lies in staging now
+            // may be the octree that was replaced.
+            Some(staged) => staged,
+            None => {
+                // Before the octree stands: after a crash in between nobody would know.
+                let what = sources::wish(&self.tools.config, &running.job.source);
+                if what != OnDone::Keep {
+                    self.tools.store.owe_sources(running.job.id, &self.owner, what).await?;
+                }
+                let staging = publish::staging(&self.tools.config, running.job.id);
+                let inode = publish::inode(&staging).unwrap_or(0);
+                let (now, result) = (self.tools.clock.now(), report.json.to_string());
+                let store = &self.tools.store;
+                if inode != 0 && !store.stage(running.job.id, &self.owner, inode, &result, now).await? {
+                    // Called off in the last moment, which the record will say.
+                    return Ok(Ending { end: End::Parked, error: None });
+                }
+                inode
+            }
         };
-        // Before the octree stands: after a crash in between nobody would know.
-        let what = sources::wish(&self.tools.config, &running.job.source);
-        if what != OnDone::Keep {
-            self.tools.store.owe_sources(running.job.id, &self.owner, what).await?;
-        }
-        let now = self.tools.clock.now();
-        let result = report.json.to_string();
-        if staged != 0 && !self.tools.store.stage(running.job.id, &self.owner, staged, &result, now).await? {
-            return Ok(Ending { end: End::Passing, error: Some("its lease was lost".to_string()) });
-        }
         Ok(match publish::publish(&self.tools, &running.job, staged).await {
             Ok(()) => Ending { end: End::Published, error: None },
             Err(failure) => failing(running, &failure, self.tools.config.stall),

@@ -13,6 +13,17 @@ pub fn scratch_of(config: &Config, job: JobId) -> PathBuf {
     config.scratch().join(format!("job-{job}"))
 }
 
+/// Jobs that have something in scratch or staging.
+pub fn present(config: &Config) -> Vec<JobId> {
+    let mut jobs = Vec::new();
+    for (folder, prefix) in [(config.scratch(), "job-"), (publish::staging_area(config), "")] {
+        let Ok(entries) = std::fs::read_dir(folder) else { continue };
+        let names = entries.flatten().map(|entry| entry.file_name());
+        jobs.extend(names.filter_map(|name| job_of(name.to_str()?, prefix)));
+    }
+    jobs
+}
+
 /// Clears what does not belong to one of the `open` jobs, and says so.
 pub fn sweep(config: &Config, disk: &Disk, open: &[JobId]) {
     sweep_folder(&config.scratch(), "job-", disk, open);

@@ -44,8 +44,13 @@ use worker::Finished;
 
 /// How many waiting jobs are looked at for one that fits.
 const LOOK_AHEAD: i64 = 1000;
+/// How many are looked at first; mostly one of them does.
+const FIRST_LOOK: i64 = 16;
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
+/// How often scratch is swept though no run ended, in milliseconds: a job that is
+/// called off while it waits leaves what its last run left.
+const SWEEP: Millis = 60_000;
 
 /// What the engine works with.
 #[derive(Clone)]
@@ -102,6 +107,7 @@ pub struct Engine {
     /// Jobs whose run was given up, but whose thread has not ended.
     abandoned: HashSet<JobId>,
     aftermath: Aftermath,
+    swept_at: Millis,
     stopping: bool,
 }
 
@@ -117,6 +123,7 @@ impl Engine {
             unrecorded: VecDeque::new(),
             abandoned: HashSet::new(),
             aftermath: Aftermath::default(),
+            swept_at: 0,
             stopping: false,
         }
     }
@@ -200,7 +207,7 @@ impl Engine {
             self.tools.board.take_down(job);
             ended += 1;
         }
-        if ended > 0 {
+        if ended > 0 || (self.tools.clock.now() - self.swept_at).abs() >= SWEEP {
             self.sweep().await?;
         }
         Ok(ended)
@@ -227,9 +234,10 @@ impl Engine {
         for look in self.tools.board.look(now) {
             let Some(running) = self.running.get_mut(&look.job) else { continue };
             running.pulse.feel(look.moved_at, now);
-            if look.moved_at > running.beat_at {
+            // Not `>`: a clock that was set back would silence a job that moves.
+            if look.moved_at != running.beat_at {
                 self.tools.metrics.last_progress_timestamp.set(look.moved_at as f64 / 1000.0);
-                if now - running.beat_at >= HEARTBEAT {
+                if (now - running.beat_at).abs() >= HEARTBEAT {
                     running.beat_at = look.moved_at;
                     self.tools.store.heartbeat(look.job, &self.owner, now).await?;
                 }
@@ -241,43 +249,65 @@ impl Engine {
     /// Step 4.
     async fn start_ready(&mut self) -> Result<(usize, usize)> {
         let (mut started, mut held) = (0, 0);
-        let config = self.tools.config.clone();
-        if !self.has_free_lane() {
-            return Ok((0, 0));
-        }
-        let now = self.tools.clock.now();
-        for job in self.tools.store.ready(now, LOOK_AHEAD).await? {
-            let lane = Lane::of(&job, &config);
-            if !self.is_free(lane) {
-                if !self.has_free_lane() {
+        for lane in [Lane::Heavy, Lane::Light] {
+            let mut looked_at = 0;
+            for limit in [FIRST_LOOK, LOOK_AHEAD] {
+                if !self.is_free(lane) {
                     break;
                 }
-                continue;
-            }
-            if self.abandoned.contains(&job.id) {
-                held += 1;
-                if job.hold.as_deref() != Some(stall::HOLD) {
-                    self.tools.store.hold(job.id, Some(stall::HOLD), now).await?;
+                let now = self.tools.clock.now();
+                let sizes = lane.sizes(&self.tools.config);
+                let jobs = self.tools.store.ready(now, self.longest_wait(), sizes, limit).await?;
+                let all = (jobs.len() as i64) < limit;
+                for job in jobs.into_iter().skip(looked_at) {
+                    if !self.is_free(lane) {
+                        break;
+                    }
+                    match self.try_start(job, lane, now).await? {
+                        true => started += 1,
+                        false => held += 1,
+                    }
                 }
-                continue;
-            }
-            let inputs = self.tools.store.inputs(job.id).await?;
-            let in_hand: Vec<(Lane, u64)> =
-                self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
-            if let Some(reason) = preflight::reason_to_hold(&job, &inputs, &in_hand, &self.tools) {
-                held += 1;
-                if job.hold.as_deref() != Some(reason.as_str()) {
-                    tracing::warn!(job = job.id, name = job.name, reason, "held");
-                    self.tools.store.hold(job.id, Some(&reason), now).await?;
+                if all {
+                    break;
                 }
-                continue;
-            }
-            if let Some(job) = self.tools.store.claim(job.id, &self.owner, now).await? {
-                self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
-                started += 1;
+                looked_at = limit as usize;
             }
         }
         Ok((started, held))
+    }
+
+    /// No job is told to wait for longer.
+    fn longest_wait(&self) -> Millis {
+        let policy = &self.tools.config.policy;
+        policy.longest_wait.max(policy.first_wait)
+    }
+
+    /// Starts a job, or says why it does not start yet.
+    async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
+        let store = self.tools.store.clone();
+        if self.abandoned.contains(&job.id) {
+            if job.hold.as_deref() != Some(stall::HOLD) {
+                store.hold(job.id, Some(stall::HOLD), now).await?;
+            }
+            return Ok(false);
+        }
+        let inputs = store.inputs(job.id).await?;
+        let in_hand: Vec<(Lane, u64)> =
+            self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
+        let trouble = preflight::input_trouble(&inputs);
+        let is_input = trouble.is_some();
+        if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
+            let is_news = job.hold.as_deref() != Some(reason.as_str());
+            if is_news && !(is_input && store.give_way(job.id, &reason, now).await?) {
+                tracing::warn!(job = job.id, name = job.name, reason, "held");
+                store.hold(job.id, Some(&reason), now).await?;
+            }
+            return Ok(false);
+        }
+        let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
+        self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
+        Ok(true)
     }
 
     fn start(&mut self, job: Job, lane: Lane, inputs: Vec<std::path::PathBuf>, now: Millis) {
@@ -315,12 +345,14 @@ impl Engine {
         self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
     }
 
-    fn has_free_lane(&self) -> bool {
-        self.is_free(Lane::Heavy) || self.is_free(Lane::Light)
-    }
-
     /// Clears what jobs without work before them left in scratch and staging.
-    async fn sweep(&self) -> Result<()> {
+    async fn sweep(&mut self) -> Result<()> {
+        self.swept_at = self.tools.clock.now();
+        // Thousands of small jobs leave nothing behind; they need not all be read
+        // after each.
+        if janitor::present(&self.tools.config).iter().all(|job| self.running.contains_key(job)) {
+            return Ok(());
+        }
         let open = self.tools.store.open_jobs().await?;
         let (config, disk) = (self.tools.config.clone(), self.tools.disk.clone());
         let swept = tokio::task::spawn_blocking(move || janitor::sweep(&config, &disk, &open)).await;

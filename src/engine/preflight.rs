@@ -1,11 +1,16 @@
 //! Before a job is started: is there a lane, room and input for it? What does not
 //! fit is held with a reason, and what is behind it and fits goes first.
 
-use std::path::PathBuf;
+use std::io;
+use std::ops::RangeInclusive;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
-use super::Tools;
-use crate::config::Config;
+use rustix::fs::{Access, access};
+
+use super::{Tools, janitor, publish};
 use crate::config::size::Size;
+use crate::config::{Config, LEAST_MEMORY};
 use crate::job::{Input, Job};
 use crate::watch::fingerprint::{Difference, difference};
 
@@ -16,9 +21,6 @@ const BYTES_A_POINT: u64 = 80;
 /// about one to eight.
 const BYTES_A_BYTE: u64 = 16;
 
-/// Memory that a conversion needs to work out of core with usual records.
-const LEAST_MEMORY: u64 = 64 << 20;
-
 /// Large data sets do not stand in the way of small ones: each has its lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lane {
@@ -28,7 +30,20 @@ pub(super) enum Lane {
 
 impl Lane {
     pub fn of(job: &Job, config: &Config) -> Lane {
-        if config.light_jobs > 0 && job.bytes <= config.light_bytes { Lane::Light } else { Lane::Heavy }
+        if config.light_jobs > 0 && Lane::Light.sizes(config).contains(&job.bytes) {
+            Lane::Light
+        } else {
+            Lane::Heavy
+        }
+    }
+
+    /// Bytes of input of the jobs in it.
+    pub fn sizes(self, config: &Config) -> RangeInclusive<u64> {
+        match self {
+            Lane::Heavy if config.light_jobs == 0 => 0..=u64::MAX,
+            Lane::Heavy => config.light_bytes.saturating_add(1)..=u64::MAX,
+            Lane::Light => 0..=config.light_bytes,
+        }
     }
 
     /// Jobs that may run side by side in it.
@@ -62,28 +77,18 @@ pub(super) fn room(job: &Job) -> u64 {
     }
 }
 
-/// Why a job must not start now, if so.
-pub(super) fn reason_to_hold(
-    job: &Job,
-    inputs: &[Input],
-    in_hand: &[(Lane, u64)],
-    tools: &Tools,
-) -> Option<String> {
-    for input in inputs {
-        match difference(input) {
-            Some(Difference::Missing) => {
-                return Some(format!("{} is not there (a missing mount?)", input.path.display()));
-            }
-            Some(Difference::Changed) => {
-                return Some(format!("{} has changed; waiting until it is quiet", input.path.display()));
-            }
-            None => {}
+/// Why a job's inputs cannot be read as they were queued, if so.
+pub(super) fn input_trouble(inputs: &[Input]) -> Option<String> {
+    inputs.iter().find_map(|input| match difference(input)? {
+        Difference::Missing => Some(format!("{} is not there (a missing mount?)", input.path.display())),
+        Difference::Changed => {
+            Some(format!("{} has changed; waiting until it is quiet", input.path.display()))
         }
-    }
-    no_room(job, in_hand, tools)
+    })
 }
 
-fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
+/// Why a job must wait for its disks, if so.
+pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
     // What runs in the heavy lane has room set apart for all of its work, though
     // part of that is used already: rather wait than run into a full disk. A
     // light job needs too little to be held by that.
@@ -91,14 +96,26 @@ fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> 
         Lane::Heavy => in_hand.iter().map(|(_, room)| *room).fold(0, u64::saturating_add),
         Lane::Light => 0,
     };
-    let needed = room(job).saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
+    // What an earlier attempt left, this one goes on from: a job must not be kept
+    // from its end by its own beginning.
+    let taken: u64 = [janitor::scratch_of(&tools.config, job.id), publish::staging(&tools.config, job.id)]
+        .iter()
+        .map(|folder| allocated(folder))
+        .sum();
+    let wanted = room(job).saturating_sub(taken);
+    let needed = wanted.saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
     for folder in [tools.config.scratch(), tools.config.octrees()] {
+        // As after an I/O error, when the system mounts it anew for reading only:
+        // then no job should fail for it, one after the other.
+        if let Err(errno) = access(&folder, Access::WRITE_OK) {
+            return Some(format!("{} cannot be written to: {}", folder.display(), io::Error::from(errno)));
+        }
         match tools.disk.free_space(&folder) {
             Ok(free) if free < needed => {
                 return Some(format!(
                     "needs up to {} on the disk of {}, which has {} free, of which {} are kept free and {} are \
                      set apart for running jobs",
-                    Size(room(job)),
+                    Size(wanted),
                     folder.display(),
                     Size(free),
                     Size(tools.config.disk_reserve),
@@ -110,6 +127,16 @@ fn no_room(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> 
         }
     }
     None
+}
+
+/// Bytes of disk that a folder's files take up; zero where there is none.
+fn allocated(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let bytes = entries.flatten().filter_map(|entry| {
+        let metadata = entry.metadata().ok()?;
+        Some(if metadata.is_dir() { allocated(&entry.path()) } else { metadata.blocks() * 512 })
+    });
+    bytes.sum()
 }
 
 /// The first input that is not what it was when the job was queued. One that is

@@ -63,11 +63,11 @@ pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Con
         |state, i| {
             let unit = &survey.units[i];
             let (place, counts) = match scratch {
-                None => state.in_memory(survey, unit)?,
+                None => state.run_in_memory(survey, unit)?,
                 Some(scratch) => {
                     let counts = match scratch.past.bucketed.get(&(i as u32)) {
                         Some(counts) => spread(counts, buckets)?,
-                        None => state.to_scratch(survey, unit, i as u32, scratch)?,
+                        None => state.run_in_scratch(survey, unit, i as u32, scratch)?,
                     };
                     (Place::Scratch(unit.at), counts)
                 }
@@ -144,7 +144,7 @@ struct Bucketer {
 
 impl Bucketer {
     /// Makes a slice's run in memory.
-    fn in_memory(&mut self, survey: &Survey, unit: &Unit) -> Result<(Place, Vec<u32>)> {
+    fn run_in_memory(&mut self, survey: &Survey, unit: &Unit) -> Result<(Place, Vec<u32>)> {
         let records = match std::mem::replace(&mut *unit.kept(), Kept::Nowhere) {
             Kept::Memory(records) => records,
             Kept::Nowhere | Kept::Scratch => {
@@ -159,7 +159,7 @@ impl Bucketer {
 
     /// Makes a slice's run in the scratch, at the place where the slice itself may
     /// lie.
-    fn to_scratch(
+    fn run_in_scratch(
         &mut self,
         survey: &Survey,
         unit: &Unit,

@@ -82,6 +82,9 @@ pub fn sampler(survey: &Survey, sampling: Sampling) -> Box<dyn Sampler> {
     }
 }
 
+/// A chunk's root once it is there, and what was kept out.
+type Slot = Mutex<Option<(Rising, Vec<Range>)>>;
+
 /// Indexes all chunks into the octree file.
 pub fn index(
     survey: &Survey,
@@ -93,7 +96,7 @@ pub fn index(
     context.progress.begin(Stage::Index, survey.points);
     let chunks = &survey.plan.chunks;
     let threads = threads_for_memory(survey, options, context)?;
-    let rising: Vec<Mutex<Option<(Rising, Vec<Range>)>>> = chunks.iter().map(|_| Mutex::new(None)).collect();
+    let rising: Vec<Slot> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
     let start = || Indexer::new(survey, options);
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, i| {

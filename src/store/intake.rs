@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{Result, Store, note, row, step};
+use super::{Result, Store, note, row, sharing, step};
 use crate::job::verdict::{Tally, forgive};
 use crate::job::{Event, Input, JobId, State};
 
@@ -97,7 +97,6 @@ impl Store {
             },
         };
         let job = admission.job();
-        call_off_older(&mut tx, &data_set, job, now).await?;
         sqlx::query("UPDATE data_set SET job = ?, stamp = ?, updated_at = ? WHERE id = ?")
             .bind(job)
             .bind(&arrival.stamp)
@@ -105,6 +104,7 @@ impl Store {
             .bind(data_set.id)
             .execute(&mut *tx)
             .await?;
+        call_off_older(&mut tx, &data_set, job, now).await?;
         tx.commit().await?;
         Ok(admission)
     }
@@ -186,8 +186,16 @@ async fn find_fallen(tx: &mut Tx, data_set: &DataSet, content_key: &str) -> Resu
 async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
     let row = sqlx::query("SELECT data_set FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
     if row.try_get::<i64, _>("data_set")? == data_set.id {
+        // It may have been called off a moment ago, for a content that is gone
+        // again.
+        sqlx::query("UPDATE job SET wish = NULL WHERE id = ? AND wish = 'cancel'")
+            .bind(job)
+            .execute(&mut **tx)
+            .await?;
         return replace_inputs(tx, job, &arrival.inputs).await;
     }
+    // Should its own source be gone, the engine sees now that this one is there.
+    sqlx::query("UPDATE job SET hold = NULL WHERE id = ?").bind(job).execute(&mut **tx).await?;
     let path = arrival.path.to_string_lossy();
     note(tx, job, now, "same content", Some(&format!("also dropped as {path}; not converted twice"))).await
 }
@@ -281,16 +289,8 @@ async fn call_off_older(tx: &mut Tx, data_set: &DataSet, job: JobId, now: i64) -
                 .await?;
         } else {
             let state = step(old.id, old.state, Event::Cancel)?;
-            sqlx::query(
-                "UPDATE job SET state = ?, hold = NULL, error = ?, finished_at = ?, updated_at = ? WHERE id = ?",
-            )
-            .bind(state.name())
-            .bind(&detail)
-            .bind(now)
-            .bind(now)
-            .bind(old.id)
-            .execute(&mut **tx)
-            .await?;
+            sharing::call_off(tx, old.id, state, &detail, now).await?;
+            sharing::look_again_after_calling_off(tx, old.id).await?;
         }
         note(tx, old.id, now, "superseded", Some(&detail)).await?;
     }

@@ -15,6 +15,7 @@ mod owed;
 mod purge;
 mod queue;
 mod row;
+mod sharing;
 mod views;
 
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{SqlSafeStr, Sqlite, Transaction};
+use sqlx::{Connection, SqlSafeStr, Sqlite, Transaction};
 
 use crate::job::{Event, JobId, State};
 
@@ -105,6 +106,15 @@ impl Store {
             .busy_timeout(Duration::from_secs(10));
         let writer = SqlitePoolOptions::new()
             .max_connections(1)
+            // On a full disk or an I/O error SQLite rolls back by itself; sqlx's
+            // own rollback then fails, and the connection would count as being
+            // in a transaction for ever. It gives way to a new one.
+            .after_release(|connection, _| {
+                Box::pin(async move {
+                    connection.ping().await?;
+                    Ok(!connection.is_in_transaction())
+                })
+            })
             .connect_with(options.clone())
             .await
             .map_err(opening)?;

@@ -3,9 +3,11 @@
 //! `WHERE lease_owner = ? AND attempts = ?` is the fence, and where no row
 //! answers, the result is thrown away.
 
+use std::ops::RangeInclusive;
+
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{LONGEST_HISTORY, Result, Store, StoreError, note, row, step};
+use super::{LONGEST_HISTORY, Result, Store, StoreError, note, row, sharing, step};
 use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
 use crate::job::{Event, Job, JobId, State, Wish};
 
@@ -29,13 +31,24 @@ pub enum Recovered {
 }
 
 impl Store {
-    /// Jobs that may start now, best first.
-    pub async fn ready(&self, now: i64, limit: i64) -> Result<Vec<Job>> {
+    /// Jobs with inputs of these `sizes` that may start now, best first. One that is to wait for longer than
+    /// `longest_wait` was told so by a clock that has been set back since.
+    pub async fn ready(
+        &self,
+        now: i64,
+        longest_wait: i64,
+        sizes: RangeInclusive<u64>,
+        limit: i64,
+    ) -> Result<Vec<Job>> {
+        let bytes = |size: &u64| i64::try_from(*size).unwrap_or(i64::MAX);
         let rows = sqlx::query(
-            "SELECT * FROM job WHERE state = 'queued' AND not_before <= ? \
-             ORDER BY priority DESC, id LIMIT ?",
+            "SELECT * FROM job WHERE state = 'queued' AND (not_before <= ? OR not_before > ?) \
+             AND bytes BETWEEN ? AND ? ORDER BY priority DESC, id LIMIT ?",
         )
         .bind(now)
+        .bind(now.saturating_add(longest_wait))
+        .bind(bytes(sizes.start()))
+        .bind(bytes(sizes.end()))
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
@@ -126,11 +139,12 @@ impl Store {
 
     /// Notes that the octree is whole in the staging folder (`inode` tells it from
     /// the one it will replace), with the report: from here on a crash costs
-    /// nothing but a swap.
+    /// nothing but a swap. Refused where the lease is lost, or where the job was
+    /// called off meanwhile; after this, calling it off comes too late.
     pub async fn stage(&self, job: JobId, owner: &str, inode: u64, result: &str, now: i64) -> Result<bool> {
         let done = sqlx::query(
             "UPDATE job SET staged = ?, result = ?, updated_at = ? \
-             WHERE id = ? AND state = 'running' AND lease_owner = ?",
+             WHERE id = ? AND state = 'running' AND lease_owner = ? AND wish IS NULL",
         )
         .bind(inode as i64)
         .bind(result)
@@ -314,8 +328,21 @@ fn tally_of(job: &Job) -> Tally {
     Tally { attempts: job.attempts, strikes: job.strikes, postponements: job.postponements }
 }
 
+/// What an end means in the light of what is wished now. A job that was called
+/// off must not come back because its run failed in that moment; and one whose
+/// source came back after it was called off goes on.
+fn as_wished(end: End, wish: Option<Wish>) -> End {
+    match (end, wish) {
+        (End::Published | End::Hopeless | End::Panicked, _) => end,
+        (_, Some(Wish::Cancel)) => End::Cancelled,
+        (_, Some(Wish::Pause)) => End::Paused,
+        (End::Cancelled | End::Paused, None) => End::Parked,
+        (_, None) => end,
+    }
+}
+
 async fn end_attempt(tx: &mut Tx, job: &Job, ending: &Ending, policy: &Policy, now: i64) -> Result<Verdict> {
-    let verdict = judge(ending.end, tally_of(job), policy);
+    let verdict = judge(as_wished(ending.end, job.wish), tally_of(job), policy);
     let state = step(job.id, job.state, verdict.event)?;
     let error = match (verdict.event, &ending.error) {
         (Event::Quarantine, Some(error)) => Some(format!(
@@ -350,8 +377,10 @@ async fn end_attempt(tx: &mut Tx, job: &Job, ending: &Ending, policy: &Policy, n
         .bind(job.id)
         .execute(&mut **tx)
         .await?;
-    if verdict.event == Event::Succeed {
-        supersede(tx, job).await?;
+    match verdict.event {
+        Event::Succeed => supersede(tx, job).await?,
+        Event::Cancel => sharing::look_again_after_calling_off(tx, job.id).await?,
+        _ => {}
     }
     note(tx, job.id, now, verdict.event.name(), error.as_deref()).await?;
     Ok(verdict)
@@ -368,6 +397,7 @@ async fn supersede(tx: &mut Tx, job: &Job) -> Result<()> {
     .bind(job.id)
     .execute(&mut **tx)
     .await?;
+    sharing::look_again_after_superseding(tx, job.id).await?;
     // Its own standing begins anew, should it have been superseded before.
     sqlx::query("UPDATE job SET superseded_by = NULL WHERE id = ?").bind(job.id).execute(&mut **tx).await?;
     Ok(())

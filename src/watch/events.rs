@@ -165,3 +165,30 @@ fn self_test(root: &Path, hints: &Hints) -> Option<bool> {
     }
     Some(heard)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use notify::event::{CreateKind, Flag};
+
+    /// As the system tells it when its queue ran over: no paths, only that
+    /// something was lost.
+    #[test]
+    fn an_overflow_of_the_event_queue_asks_for_a_rescan() {
+        let hints = Hints::default();
+        hints.hear(Ok(notify::Event::new(EventKind::Create(CreateKind::File))));
+        assert!(!hints.take_lost(), "an event is not a loss");
+        hints.hear(Ok(notify::Event::new(EventKind::Other).set_flag(Flag::Rescan)));
+        assert_eq!((hints.events(), hints.overflows()), (1, 1));
+        assert!(hints.take_lost() && !hints.take_lost(), "told once");
+        hints.hear(Err(notify::Error::generic("the watch died")));
+        assert!(hints.take_lost(), "so is a failure of the events themselves");
+    }
+
+    #[test]
+    fn our_own_reading_is_no_news() {
+        let hints = Hints::default();
+        hints.hear(Ok(notify::Event::new(EventKind::Access(AccessKind::Read))));
+        assert_eq!(hints.events(), 0);
+    }
+}

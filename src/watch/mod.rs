@@ -19,7 +19,7 @@ pub mod settle;
 mod whole;
 mod writers;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -102,10 +102,15 @@ impl Watcher {
         self.known.insert(path.to_path_buf(), stamp);
     }
 
+    /// Looks at a data set as if it were new, should it be there.
+    pub fn forget(&mut self, path: &Path) {
+        self.known.remove(path);
+    }
+
     /// Looks at every watched folder once.
     pub fn scan(&mut self, now: Millis) -> Report {
         let mut report = Report::default();
-        let mut seen = Vec::new();
+        let mut seen = HashSet::new();
         let mut quiet = Vec::new();
         for root in self.roots.clone() {
             let skip: Vec<_> = self.roots.iter().chain(&self.excluded).cloned().collect();
@@ -113,7 +118,7 @@ impl Watcher {
                 Ok(scanned) => {
                     report.waiting.extend(scanned.refused);
                     for candidate in scanned.candidates {
-                        seen.push(candidate.path.clone());
+                        seen.insert(candidate.path.clone());
                         self.observe(candidate, now, &mut quiet, &mut report);
                     }
                 }
@@ -160,8 +165,9 @@ impl Watcher {
         for candidate in quiet {
             let Some(sight) = self.sights.get_mut(&candidate.path) else { continue };
             let whole = match &sight.whole {
+                // Permissions change without the file changing.
+                Some(Wholeness::Unreadable(_)) | None => sight.whole.insert(whole_of(&candidate)).clone(),
                 Some(whole) => whole.clone(),
-                None => sight.whole.insert(whole_of(&candidate)).clone(),
             };
             let writer = candidate.files.iter().any(|file| written.contains(&file.path));
             match settle::decide(sight, &whole, writer, now, &self.limits) {
@@ -185,7 +191,7 @@ fn whole_of(candidate: &scan::Candidate) -> Wholeness {
     for file in &candidate.files {
         match whole::judge(&file.path) {
             Wholeness::Whole { points: more } => points = points.saturating_add(more),
-            Wholeness::NotYet(why) => return Wholeness::NotYet(why),
+            not_now @ (Wholeness::NotYet(_) | Wholeness::Unreadable(_)) => return not_now,
             never @ Wholeness::Never(_) => broken = Some(never),
         }
     }

@@ -41,6 +41,9 @@ pub enum Wholeness {
     NotYet(String),
     /// No further bytes can make it whole.
     Never(String),
+    /// Nobody can say, for we may not read it; that may change without any
+    /// change of the file.
+    Unreadable(String),
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -91,6 +94,7 @@ pub fn decide(sight: &Sight, whole: &Wholeness, writer: bool, now: Millis, limit
         _ if writer => Decision::Wait("a program holds it open for writing".to_string()),
         Wholeness::Whole { points } => Decision::Take { points: *points },
         Wholeness::Never(_) => Decision::Take { points: 0 },
+        Wholeness::Unreadable(why) => Decision::Wait(why.clone()),
         Wholeness::NotYet(_)
             if sight.times >= 2 && sight.quiet_for(now) >= limits.patience.max(limits.settle) =>
         {

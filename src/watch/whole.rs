@@ -42,7 +42,7 @@ fn first_word(path: &Path) -> Option<Wholeness> {
         Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
             return Some(Wholeness::NotYet(format!("{} is shorter than a header", path.display())));
         }
-        Err(e) => return Some(Wholeness::NotYet(format!("{} cannot be read: {e}", path.display()))),
+        Err(e) => return Some(Wholeness::Unreadable(format!("{} cannot be read: {e}", path.display()))),
     }
     match &magic {
         b"LASF" => None,

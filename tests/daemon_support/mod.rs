@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+pub mod small_disk;
+
 /// The bytes of a LAS 1.2 file with `points` points of format 0, spread evenly
 /// and always the same for the same `seed`.
 pub fn las(points: u32, seed: u64) -> Vec<u8> {
@@ -88,6 +90,27 @@ pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     panic!("waited in vain for {what}");
 }
 
+/// Sends a request; the answer's status, head and body.
+pub fn ask(address: &str, head: &str, body: &str) -> (u16, String, Vec<u8>) {
+    let mut stream = TcpStream::connect(address).expect("connected");
+    stream.set_read_timeout(Some(Duration::from_secs(30))).expect("set");
+    let (first, more) = head.split_once('\n').unwrap_or((head, ""));
+    let more = more.lines().map(|line| format!("{line}\r\n")).collect::<String>();
+    let host = if more.contains("Host:") { String::new() } else { format!("Host: {address}\r\n") };
+    let length = body.len();
+    let text = format!(
+        "{first} HTTP/1.1\r\n{host}Connection: close\r\nContent-Length: {length}\r\n{more}\r\n{body}"
+    );
+    stream.write_all(text.as_bytes()).expect("sent");
+    let mut answer = Vec::new();
+    // A refused request may end in a reset after the answer.
+    let _ = stream.read_to_end(&mut answer);
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap_or(answer.len());
+    let head = String::from_utf8_lossy(&answer[..end]).into_owned();
+    let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
+    (status, head, answer[(end + 4).min(answer.len())..].to_vec())
+}
+
 /// The real daemon.
 pub struct Daemon {
     pub child: Child,
@@ -102,14 +125,22 @@ impl Daemon {
     }
 
     pub fn start_with(root: &Path, more: &[&str]) -> Daemon {
-        Daemon::start_with_env(root, more, &[])
+        Daemon::start_by(&[], root, more, &[])
     }
 
     pub fn start_with_env(root: &Path, more: &[&str], variables: &[(&str, &str)]) -> Daemon {
+        Daemon::start_by(&[], root, more, variables)
+    }
+
+    /// Started by another program, as one that sets limits.
+    pub fn start_by(wrapper: &[&str], root: &Path, more: &[&str], variables: &[(&str, &str)]) -> Daemon {
+        let line: Vec<&str> = wrapper.iter().copied().chain([env!("CARGO_BIN_EXE_lodestone")]).collect();
         let log = root.with_extension(format!("{}.log", std::process::id()));
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
-        let mut child = Command::new(env!("CARGO_BIN_EXE_lodestone"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4", "--rescan-seconds", "1"])
+        let mut child = Command::new(line[0])
+            .args(&line[1..])
+            .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4"])
+            .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
@@ -146,23 +177,7 @@ impl Daemon {
 
     /// Sends a request; the answer's status, head and body.
     pub fn ask(&self, head: &str, body: &str) -> (u16, String, Vec<u8>) {
-        let mut stream = TcpStream::connect(&self.address).expect("connected");
-        stream.set_read_timeout(Some(Duration::from_secs(30))).expect("set");
-        let (first, more) = head.split_once('\n').unwrap_or((head, ""));
-        let more = more.lines().map(|line| format!("{line}\r\n")).collect::<String>();
-        let host = if more.contains("Host:") { String::new() } else { format!("Host: {}\r\n", self.address) };
-        let length = body.len();
-        let text = format!(
-            "{first} HTTP/1.1\r\n{host}Connection: close\r\nContent-Length: {length}\r\n{more}\r\n{body}"
-        );
-        stream.write_all(text.as_bytes()).expect("sent");
-        let mut answer = Vec::new();
-        // A refused request may end in a reset after the answer.
-        let _ = stream.read_to_end(&mut answer);
-        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap_or(answer.len());
-        let head = String::from_utf8_lossy(&answer[..end]).into_owned();
-        let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
-        (status, head, answer[(end + 4).min(answer.len())..].to_vec())
+        ask(&self.address, head, body)
     }
 
     pub fn get(&self, path: &str) -> (u16, String) {

@@ -8,14 +8,42 @@ use std::fs::{File, Metadata};
 use std::io;
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::error::LasError;
 
+/// Handles that all sources together keep open. A data set may have more tiles
+/// than a process may have files; those beyond are opened for each read.
+const MOST_KEPT: usize = 64;
+
+static KEPT: AtomicUsize = AtomicUsize::new(0);
+
 #[derive(Debug)]
 pub struct Source {
-    file: File,
+    kept: Option<Kept>,
     path: PathBuf,
     opened: Identity,
+}
+
+/// A handle that counts.
+#[derive(Debug)]
+struct Kept(File);
+
+impl Kept {
+    fn new(file: File) -> Option<Kept> {
+        // Counted first, so that no two threads take the last place.
+        let kept = KEPT.fetch_add(1, Ordering::Relaxed) < MOST_KEPT;
+        if !kept {
+            KEPT.fetch_sub(1, Ordering::Relaxed);
+        }
+        kept.then(|| Kept(file))
+    }
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        KEPT.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 /// What tells a file from one that took its place or grew.
@@ -47,13 +75,38 @@ impl Source {
         }
         let file = File::open(path).map_err(|e| LasError::io("open", path, e))?;
         let metadata = file.metadata().map_err(|e| LasError::io("look at", path, e))?;
-        Ok(Source { file, path: path.to_path_buf(), opened: Identity::of(&metadata) })
+        Ok(Source { kept: Kept::new(file), path: path.to_path_buf(), opened: Identity::of(&metadata) })
     }
 
     /// A second handle on the same file.
     pub fn reopen(&self) -> Result<Source, LasError> {
-        let file = self.file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?;
-        Ok(Source { file, path: self.path.clone(), opened: self.opened })
+        let file = match &self.kept {
+            Some(Kept(file)) => Some(file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?),
+            None => None,
+        };
+        Ok(Source { kept: file.and_then(Kept::new), path: self.path.clone(), opened: self.opened })
+    }
+
+    /// Reads by the handle that is kept, or by one for this read alone.
+    fn with<T>(&self, read: impl FnOnce(&File) -> io::Result<T>) -> Result<T, LasError> {
+        let read = |file: &File| {
+            read(file).map_err(|error| match error.kind() {
+                io::ErrorKind::UnexpectedEof => self.changed("it became shorter"),
+                _ => LasError::io("read", &self.path, error),
+            })
+        };
+        if let Some(Kept(file)) = &self.kept {
+            return read(file);
+        }
+        let file = File::open(&self.path).map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound => self.changed("it was removed or renamed"),
+            _ => LasError::io("open", &self.path, error),
+        })?;
+        let now = file.metadata().map_err(|e| LasError::io("look at", &self.path, e))?;
+        if (now.dev(), now.ino()) != (self.opened.device, self.opened.inode) {
+            return Err(self.changed("another file took its place"));
+        }
+        read(&file)
     }
 
     pub fn path(&self) -> &Path {
@@ -66,10 +119,7 @@ impl Source {
     }
 
     pub fn read_exact_at(&self, bytes: &mut [u8], position: u64) -> Result<(), LasError> {
-        self.file.read_exact_at(bytes, position).map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => self.changed("it became shorter"),
-            _ => LasError::io("read", &self.path, error),
-        })
+        self.with(|file| file.read_exact_at(bytes, position))
     }
 
     /// Its length and the time of its last change, when it was opened.
@@ -80,7 +130,7 @@ impl Source {
 
     /// As much as there is, up to the buffer's length.
     pub fn read_at(&self, bytes: &mut [u8], position: u64) -> io::Result<usize> {
-        self.file.read_at(bytes, position)
+        self.with(|file| file.read_at(bytes, position)).map_err(io::Error::other)
     }
 
     pub fn check_unchanged(&self) -> Result<(), LasError> {

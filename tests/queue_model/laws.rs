@@ -1,0 +1,245 @@
+//! The laws of the queue, held against the database, the folders, and the log of
+//! what was converted.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fs;
+
+use lodestone::disk::Disk;
+use lodestone::job::{Event, Job, State, machine};
+use sqlx::{Connection, Row, SqliteConnection};
+
+use crate::Broken;
+use crate::content::{self, Nature};
+use crate::world::World;
+
+/// What the table of events has told so far.
+#[derive(Debug, Default)]
+pub struct Ledger {
+    last_event: i64,
+    states: BTreeMap<i64, State>,
+    /// Jobs that got an order or a changed source since they were last published.
+    renewed: HashSet<i64>,
+    /// Runs of the converter that were looked at.
+    runs: usize,
+}
+
+macro_rules! law {
+    ($holds:expr, $($why:tt)*) => {
+        if !$holds {
+            return Err(format!($($why)*));
+        }
+    };
+}
+
+/// What is read of the database in one go.
+struct Books {
+    events: Vec<(i64, i64, String)>,
+    /// By job: attempts, and how many of them have not ended.
+    attempts: BTreeMap<i64, (i64, i64)>,
+    contents: BTreeMap<i64, String>,
+    /// Path, name, current job.
+    data_sets: Vec<(String, String, Option<i64>)>,
+    orphans: usize,
+}
+
+async fn read_books(path: &std::path::Path, after: i64) -> Result<Books, sqlx::Error> {
+    let mut db = SqliteConnection::connect(&format!("sqlite:{}", path.display())).await?;
+    let rows = sqlx::query("SELECT id, job, kind FROM event WHERE id > ? ORDER BY id").bind(after);
+    let rows = rows.fetch_all(&mut db).await?;
+    let events = rows.iter().map(|row| (row.get(0), row.get(1), row.get(2))).collect();
+    let rows = sqlx::query("SELECT job, count(*), sum(ended_at IS NULL) FROM attempt GROUP BY job");
+    let rows = rows.fetch_all(&mut db).await?;
+    let attempts = rows.iter().map(|row| (row.get(0), (row.get(1), row.get(2)))).collect();
+    let rows = sqlx::query("SELECT job, substr(hash, 1, 16) FROM job_input ORDER BY job, ord");
+    let mut contents = BTreeMap::<i64, String>::new();
+    for row in rows.fetch_all(&mut db).await? {
+        let all = contents.entry(row.get(0)).or_default();
+        if !all.is_empty() {
+            all.push(',');
+        }
+        all.push_str(row.get(1));
+    }
+    let rows = sqlx::query("SELECT path, name, job FROM data_set").fetch_all(&mut db).await?;
+    let data_sets = rows.iter().map(|row| (row.get(0), row.get(1), row.get(2))).collect();
+    let orphans = sqlx::query("PRAGMA foreign_key_check").fetch_all(&mut db).await?.len();
+    db.close().await?;
+    Ok(Books { events, attempts, contents, data_sets, orphans })
+}
+
+fn books(world: &mut World) -> Result<(Books, Vec<Job>), Broken> {
+    let (path, after) = (world.config.database(), world.ledger.last_event);
+    let life = world.life.as_ref().expect("alive");
+    let books = life.runtime.block_on(read_books(&path, after)).map_err(|error| error.to_string())?;
+    Ok((books, life.jobs()))
+}
+
+/// After every step.
+pub fn hold(world: &mut World) -> Result<(), Broken> {
+    if world.life.is_none() {
+        // Dead daemons break no law; what the next one finds is looked at then.
+        return Ok(());
+    }
+    let (books, jobs) = books(world)?;
+    replay(&mut world.ledger, &books, &jobs)?;
+    law!(books.orphans == 0, "{} rows without their parents", books.orphans);
+    let mut open = HashSet::new();
+    for job in &jobs {
+        if job.state.is_open() || (job.state == State::Done && job.superseded_by.is_none()) {
+            law!(open.insert(&job.content_key), "content of job {} is open or stands twice", job.id);
+        }
+        tallies(world, job, &books)?;
+    }
+    runs(world, &books)?;
+    published(world, &books, &jobs)
+}
+
+/// The events of each job are a way through the machine, and end where it is.
+fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken> {
+    for (id, job, kind) in &books.events {
+        ledger.last_event = *id;
+        let event = match kind.as_str() {
+            "queued" => {
+                let before = ledger.states.insert(*job, State::Queued);
+                law!(before.is_none(), "job {job} was made twice");
+                continue;
+            }
+            "superseded" if ledger.states.get(job) != Some(&State::Running) => Event::Cancel,
+            other => match EVENTS.into_iter().find(|event| event.name() == other) {
+                Some(event) => event,
+                None => continue,
+            },
+        };
+        let state = ledger.states.get(job).copied().ok_or(format!("job {job} began with {kind}"))?;
+        let next = machine::next(state, event).ok_or(format!("job {job}: {kind} of a {state:?} job"))?;
+        ledger.states.insert(*job, next);
+        match event {
+            Event::Retry | Event::Release => ledger.renewed.insert(*job),
+            Event::Succeed => ledger.renewed.remove(job),
+            _ => false,
+        };
+    }
+    for job in jobs {
+        let told = ledger.states.get(&job.id);
+        law!(told == Some(&job.state), "job {} is {:?}, its history says {told:?}", job.id, job.state);
+    }
+    Ok(())
+}
+
+const EVENTS: [Event; 12] = [
+    Event::Claim,
+    Event::Succeed,
+    Event::Fail,
+    Event::Postpone,
+    Event::Crash,
+    Event::Quarantine,
+    Event::Park,
+    Event::Cancel,
+    Event::Pause,
+    Event::Resume,
+    Event::Retry,
+    Event::Release,
+];
+
+/// Strikes lead to quarantine at exactly their number, runs are counted before
+/// they begin, and what ended has an end and a reason.
+fn tallies(world: &World, job: &Job, books: &Books) -> Result<(), Broken> {
+    let most = world.config.policy.max_strikes;
+    law!(
+        (job.state == State::Quarantined) == (job.strikes >= most) && job.strikes <= most,
+        "job {} is {:?} with {} strikes",
+        job.id,
+        job.state,
+        job.strikes
+    );
+    let (attempts, running) = books.attempts.get(&job.id).copied().unwrap_or_default();
+    let expected = i64::from(job.state == State::Running);
+    law!(running == expected, "job {} is {:?} with {running} attempts under way", job.id, job.state);
+    let runs = world.script.runs.lock().unwrap().iter().filter(|run| run.job == job.id).count() as i64;
+    law!(runs <= attempts, "job {} ran {runs} times, {attempts} were counted", job.id);
+    if matches!(job.state, State::Failed | State::Quarantined) {
+        law!(job.error.is_some(), "job {} is {:?} and does not say why", job.id, job.state);
+    }
+    Ok(())
+}
+
+/// What was converted had to be converted.
+fn runs(world: &mut World, books: &Books) -> Result<(), Broken> {
+    let runs = world.script.runs.lock().unwrap().clone();
+    for run in &runs[world.ledger.runs..] {
+        let told = &books.contents[&run.job];
+        // An input that vanished after the claim is read by nobody.
+        if !run.content.is_empty() && run.content == *told && run.stood.as_ref() == Some(told) {
+            let excused =
+                world.ledger.renewed.contains(&run.job) || world.was_sick || !world.ordered.is_empty();
+            law!(excused, "job {} converts what stands as {} already", run.job, run.name);
+        }
+    }
+    world.ledger.runs = runs.len();
+    Ok(())
+}
+
+/// What a name shows is the newest content that was taken in under it.
+fn published(world: &mut World, books: &Books, jobs: &[Job]) -> Result<(), Broken> {
+    for entry in fs::read_dir(world.config.octrees()).expect("there").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with('.') {
+            continue;
+        }
+        let shown = fs::read_to_string(entry.path().join("metadata.json"));
+        let shown = shown.map_err(|error| format!("half an octree under {name}: {error}"))?;
+        if world.shown.insert(name.clone(), shown.clone()).as_ref() == Some(&shown) {
+            continue;
+        }
+        let data_set = books.data_sets.iter().find(|(_, n, _)| *n == name);
+        let (_, _, newest) = data_set.ok_or(format!("octree {name} of no data set"))?;
+        let is_newest = newest.is_some_and(|job| books.contents[&job] == shown);
+        let by_order = jobs.iter().any(|job| {
+            job.name == name && books.contents[&job.id] == shown && world.ordered.contains(&job.id)
+        });
+        law!(is_newest || by_order, "{name} shows {shown}, but job {newest:?} is newer");
+    }
+    Ok(())
+}
+
+/// When the faults have stopped and time has passed: nothing is lost.
+pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
+    world.life(Disk::new());
+    hold(world)?;
+    world.ledger.last_event = 0;
+    let (books, jobs) = books(world)?;
+    for place in world.places() {
+        let Some(content) = content::on_disk(&place) else { continue };
+        let place = place.to_string_lossy().into_owned();
+        let of_content: Vec<&Job> = jobs.iter().filter(|job| books.contents[&job.id] == content).collect();
+        let stands = of_content.iter().find(|job| job.state == State::Done && job.superseded_by.is_none());
+        if let Some(job) = stands {
+            let shown = fs::read_to_string(world.config.octrees().join(&job.name).join("metadata.json"));
+            law!(
+                shown.as_ref().ok() == Some(&content),
+                "job {} is done, and {} shows {shown:?}",
+                job.id,
+                job.name
+            );
+            continue;
+        }
+        let data_set = books.data_sets.iter().find(|(path, ..)| *path == place);
+        let job = data_set.and_then(|(_, _, job)| *job);
+        let job = jobs.iter().find(|j| Some(j.id) == job).ok_or(format!("{place} was never taken in"))?;
+        law!(books.contents[&job.id] == content, "{place} has newer content than its job {}", job.id);
+        let bad = content::nature(&content) != Nature::Good;
+        match job.state {
+            State::Failed | State::Quarantined if bad || job.strikes > 0 || job.postponements > 0 => {}
+            State::Cancelled if world.ordered.contains(&job.id) => {}
+            state => return Err(format!("{place} ends {state:?} as job {}: {job:#?}", job.id)),
+        }
+    }
+    for folder in [world.config.scratch(), world.config.octrees().join(".staged")] {
+        for entry in fs::read_dir(&folder).expect("there").flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let job: Option<i64> = name.trim_start_matches("job-").parse().ok();
+            let open = jobs.iter().any(|j| Some(j.id) == job && j.state.is_open());
+            law!(open, "{} is left over", entry.path().display());
+        }
+    }
+    Ok(())
+}

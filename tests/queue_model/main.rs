@@ -1,0 +1,106 @@
+//! Histories by chance over the real queue, engine and watcher: files are
+//! dropped, replaced, renamed, deleted; mounts vanish; clocks jump; disks fill;
+//! conversions fail, panic and hang; operators give orders; and the daemon dies in
+//! the middle of it. After each step the laws of the queue are held against what
+//! is there ([`laws`]).
+//!
+//! `LODESTONE_HISTORIES=5000` tries that many instead of a few hundred;
+//! `LODESTONE_HISTORY=<seed>` one of them, step by step.
+
+#[path = "../daemon_support/mod.rs"]
+mod daemon_support;
+
+mod content;
+mod desk;
+mod dice;
+mod laws;
+mod steps;
+mod world;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use dice::Dice;
+use world::World;
+
+/// A law that does not hold, in words.
+pub type Broken = String;
+
+/// One history: so many steps, then the faults stop and all must end well.
+fn history(seed: u64, steps: usize, trace: &mut Vec<String>) -> Result<(), Broken> {
+    let mut world = World::new(seed);
+    let mut dice = Dice::new(seed);
+    for number in 0..steps {
+        let step = steps::step(&mut world, &mut dice).and_then(|step| {
+            trace.push(format!("{number:3} {step}"));
+            laws::hold(&mut world)
+        });
+        step.map_err(|broken| format!("after step {number}: {broken}"))?;
+    }
+    steps::calm_down(&mut world)?;
+    laws::hold_in_the_end(&mut world).map_err(|broken| format!("in the end: {broken}"))
+}
+
+/// How long the history of this seed is.
+fn length(seed: u64) -> usize {
+    20 + Dice::new(!seed).below(50)
+}
+
+/// The shortest beginning of the history that still breaks a law, in words.
+fn shortest(seed: u64) -> String {
+    for steps in 0..=length(seed) {
+        let mut trace = vec![];
+        if let Err(broken) = history(seed, steps, &mut trace) {
+            return format!("{steps} steps of seed {seed} break a law\n{}\n{broken}", trace.join("\n"));
+        }
+    }
+    format!("seed {seed} broke a law once, but not again")
+}
+
+#[test]
+fn no_history_breaks_a_law() {
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
+    quiet_panics();
+    if let Some(seed) = number("LODESTONE_HISTORY") {
+        let mut trace = vec![];
+        let result = history(seed, length(seed), &mut trace);
+        eprintln!("{}", trace.join("\n"));
+        result.expect("the laws hold");
+        return;
+    }
+    let histories = number("LODESTONE_HISTORIES").unwrap_or(200);
+    let (next, start) = (AtomicU64::new(0), Instant::now());
+    let broken = std::thread::scope(|scope| {
+        let work = || {
+            loop {
+                let seed = next.fetch_add(1, Ordering::SeqCst);
+                if seed >= histories {
+                    return None;
+                }
+                if let Err(broken) = history(seed, length(seed), &mut vec![]) {
+                    next.store(histories, Ordering::SeqCst);
+                    return Some(format!("{broken}\n{}", shortest(seed)));
+                }
+            }
+        };
+        let threads = std::thread::available_parallelism().map_or(2, |n| n.get());
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().expect("no panic of the model"))
+            .collect::<Vec<_>>()
+    });
+    assert!(broken.is_empty(), "{}", broken.join("\n\n"));
+    eprintln!("{histories} histories in {:.1} s", start.elapsed().as_secs_f64());
+}
+
+/// Conversions panic on purpose; that need not fill the screen.
+fn quiet_panics() {
+    let before = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let thread = std::thread::current();
+        if !thread.name().is_some_and(|name| name.starts_with("job-")) {
+            before(panic);
+        }
+    }));
+}

@@ -1,0 +1,242 @@
+//! The steps of a history, and its end.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use lodestone::disk::Disk;
+use lodestone::job::{Event, State, machine};
+use lodestone::store::StoreError;
+
+use crate::Broken;
+use crate::content::{self, CONTENTS};
+use crate::dice::Dice;
+use crate::world::{Life, World};
+
+/// More polls than any future of the daemon takes.
+const TO_THE_END: usize = usize::MAX;
+const DAY: i64 = 86_400_000;
+
+/// Does one step by chance; what it was, in words.
+pub fn step(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    match dice.below(100) {
+        0..18 => Ok(put(world, dice)),
+        18..22 => Ok(delete(world, dice)),
+        22..26 => Ok(rename(world, dice)),
+        26..29 => Ok(touch(world, dice)),
+        29..50 => scan(world, dice),
+        50..70 => tick(world, dice),
+        70..74 => {
+            let millis = dice.below(20_000) as i64;
+            world.advance(millis);
+            Ok(format!("{millis} ms pass"))
+        }
+        74..77 => {
+            let reach = *dice.pick(&[5_000, 100_000, DAY, 400 * DAY]);
+            let millis = dice.below(2 * reach as usize) as i64 - reach;
+            world.advance(millis);
+            Ok(format!("the clock jumps by {millis} ms"))
+        }
+        77..84 => order(world, dice),
+        84..86 => prioritise(world, dice),
+        86..91 => let_go(world, dice),
+        91..93 => Ok(toggle_mount(world)),
+        93..95 => {
+            world.crash();
+            Ok("the daemon dies".into())
+        }
+        95..97 => {
+            let polls = dice.below(40);
+            living(world, dice).tick(polls)?;
+            world.crash();
+            Ok(format!("the daemon dies in a tick, after {polls} polls"))
+        }
+        97 => {
+            world.advance(3_000);
+            let (config, now, polls) = (world.config.clone(), world.now(), dice.below(12));
+            living(world, dice).scan(&config, now, polls)?;
+            world.crash();
+            Ok(format!("the daemon dies while it takes in, after {polls} polls"))
+        }
+        98 => {
+            world.stop();
+            Ok("the daemon stops in good order".into())
+        }
+        _ => {
+            let full = !world.script.disk_full.fetch_not(Ordering::SeqCst);
+            Ok(format!("the disk is full: {full}"))
+        }
+    }
+}
+
+/// The daemon; where it starts anew, now and then on a disk that will fail.
+fn living<'a>(world: &'a mut World, dice: &mut Dice) -> &'a mut Life {
+    let mut disk = Disk::new();
+    if world.life.is_none() && dice.percent(15) {
+        let error = *dice.pick(&[ErrorKind::StorageFull, ErrorKind::Other]);
+        disk = Disk::failing_from(dice.below(4) as i64, error);
+        (world.sick_disk, world.was_sick) = (true, true);
+    }
+    world.life(disk)
+}
+
+/// A file of a data set at a place by chance.
+fn place(world: &World, dice: &mut Dice) -> PathBuf {
+    let places = world.places();
+    // A crowd in few places: that is where things meet.
+    let place = if dice.percent(50) { &places[dice.below(2)] } else { dice.pick(&places) };
+    if place.ends_with("tiles") {
+        return place.join(dice.pick(&["t1.las", "t2.las"]));
+    }
+    place.clone()
+}
+
+/// Mostly one of three, so that the same content comes back.
+fn some_content(dice: &mut Dice) -> usize {
+    if dice.percent(60) { dice.below(3) } else { dice.below(CONTENTS) }
+}
+
+fn put(world: &mut World, dice: &mut Dice) -> String {
+    let (path, content) = (place(world, dice), some_content(dice));
+    if !path.parent().is_some_and(|folder| folder.exists() || folder.ends_with("tiles")) {
+        return "nothing: the mount is away".into();
+    }
+    world.write(&path, &content::bytes(content));
+    format!("content {content} is put at {}", path.display())
+}
+
+fn delete(world: &mut World, dice: &mut Dice) -> String {
+    let path = place(world, dice);
+    let _ = fs::remove_file(&path);
+    format!("{} is deleted", path.display())
+}
+
+fn rename(world: &mut World, dice: &mut Dice) -> String {
+    let (from, to) = (place(world, dice), place(world, dice));
+    let done = fs::rename(&from, &to).is_ok();
+    format!("{} is renamed to {}: {done}", from.display(), to.display())
+}
+
+fn touch(world: &mut World, dice: &mut Dice) -> String {
+    let path = place(world, dice);
+    if path.exists() {
+        world.touch(&path);
+    }
+    format!("{} is touched", path.display())
+}
+
+fn scan(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    // Mostly two scans with the settle time between them, so that something
+    // is found.
+    let config = world.config.clone();
+    let pauses = if dice.percent(70) { vec![0, 2_500] } else { vec![dice.below(4_000) as i64] };
+    for pause in &pauses {
+        world.advance(*pause);
+        let now = world.now();
+        living(world, dice).scan(&config, now, TO_THE_END)?;
+    }
+    Ok(format!("scans, after {pauses:?} ms"))
+}
+
+fn tick(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    let ticks = 1 + dice.below(2);
+    for _ in 0..ticks {
+        living(world, dice).tick(TO_THE_END)?;
+    }
+    Ok(format!("ticks: {ticks}"))
+}
+
+fn order(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    let event = *dice.pick(&[Event::Cancel, Event::Pause, Event::Resume, Event::Retry]);
+    let now = world.now();
+    let life = living(world, dice);
+    let jobs = life.jobs();
+    if jobs.is_empty() {
+        return scan(world, dice);
+    }
+    let job = dice.pick(&jobs);
+    let answer = life.runtime.block_on(life.store.order(job.id, event, now));
+    match &answer {
+        Ok(_) if machine::next(job.state, event).is_none() => {
+            return Err(format!("{event:?} of a {:?} job was obeyed", job.state));
+        }
+        Ok(_) => {}
+        Err(StoreError::Illegal { .. }) => {}
+        Err(error) => return Err(format!("{event:?}: {error}")),
+    }
+    if answer.is_ok() {
+        world.ordered.insert(job.id);
+    }
+    Ok(format!("{event:?} of job {}: {}", job.id, answer.is_ok()))
+}
+
+fn prioritise(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    let (now, priority) = (world.now(), dice.below(7) as i64 - 3);
+    let life = living(world, dice);
+    let jobs = life.jobs();
+    if jobs.is_empty() {
+        return scan(world, dice);
+    }
+    let job = dice.pick(&jobs).id;
+    life.runtime.block_on(life.store.set_priority(job, priority, now)).map_err(|error| error.to_string())?;
+    Ok(format!("priority {priority} for job {job}"))
+}
+
+fn let_go(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    let life = living(world, dice);
+    let hung = life.desk.hung();
+    if hung.is_empty() {
+        return tick(world, dice);
+    }
+    let job = *dice.pick(&hung);
+    life.let_go(job);
+    Ok(format!("job {job} goes on"))
+}
+
+fn toggle_mount(world: &World) -> String {
+    let (here, away) = world.mount();
+    if here.exists() {
+        fs::rename(here, away).expect("moved");
+        return "the mount is gone".into();
+    }
+    fs::rename(away, here).expect("moved");
+    "the mount is back".into()
+}
+
+/// The faults stop, operators let everything go on, and time passes.
+pub fn calm_down(world: &mut World) -> Result<(), Broken> {
+    world.script.calm.store(true, Ordering::SeqCst);
+    world.script.disk_full.store(false, Ordering::SeqCst);
+    let (here, away) = world.mount();
+    if !here.exists() {
+        fs::rename(away, here).expect("moved");
+    }
+    if world.sick_disk {
+        world.crash();
+    }
+    let config = world.config.clone();
+    // A day would do as well; this covers the longest wait a few times over.
+    for round in 0..40 {
+        world.advance(if round % 4 == 3 { 700_000 } else { 2_500 });
+        let now = world.now();
+        let life = world.life(Disk::new());
+        for job in life.jobs_in(State::Paused) {
+            let resumed = life.runtime.block_on(life.store.order(job, Event::Resume, now));
+            resumed.map_err(|error| format!("job {job} cannot be resumed: {error}"))?;
+        }
+        for job in life.desk.hung() {
+            life.let_go(job);
+        }
+        let report = life.scan(&config, now, TO_THE_END)?.expect("not cut off");
+        life.tick(TO_THE_END)?;
+        life.tick(TO_THE_END)?;
+        let waits = life.jobs().iter().any(|job| {
+            matches!(job.state, State::Queued | State::Running | State::Paused) && job.hold.is_none()
+        });
+        if round > 8 && !waits && !report.unsettled {
+            break;
+        }
+    }
+    Ok(())
+}

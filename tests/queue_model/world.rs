@@ -1,0 +1,271 @@
+//! The world of a history: folders with clouds, a clock, and a daemon that is
+//! alive or dead.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fs;
+use std::future::Future;
+use std::path::{Path, PathBuf};
+use std::pin::pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::task::Poll;
+use std::time::{Duration, SystemTime};
+
+use lodestone::clock::Clock;
+use lodestone::config::{Config, Layer};
+use lodestone::disk::Disk;
+use lodestone::engine::intake::{self, Taken};
+use lodestone::engine::{Engine, Tools};
+use lodestone::job::State;
+use lodestone::metrics::Metrics;
+use lodestone::store::Store;
+use lodestone::store::board::Board;
+use lodestone::watch::settle::Limits;
+use lodestone::watch::{Report, Watcher};
+use tokio::runtime::Runtime;
+
+use crate::Broken;
+use crate::content;
+use crate::desk::{Desk, Script};
+use crate::laws::Ledger;
+
+/// One heavy job beside two light ones; what waits, waits seconds.
+const SETTINGS: &str = "disk_reserve = 0\nlight_bytes = 800\nlight_jobs = 2\nsettle_seconds = 2\n\
+                        patience_seconds = 20\nshutdown_seconds = 5";
+
+/// The daemon while it lives.
+pub struct Life {
+    pub runtime: Runtime,
+    pub store: Store,
+    engine: Engine,
+    watcher: Watcher,
+    pub desk: Arc<Desk>,
+}
+
+pub struct World {
+    folder: tempfile::TempDir,
+    pub config: Arc<Config>,
+    pub now: Arc<AtomicI64>,
+    pub script: Arc<Script>,
+    pub life: Option<Life>,
+    /// Whether publishing fails in this life of the daemon.
+    pub sick_disk: bool,
+    /// Or did in any: a swap whose sync failed is repeated with the conversion.
+    pub was_sick: bool,
+    lives: u32,
+    /// Every file gets a time of its own, as on a real disk it would.
+    stamps: i64,
+    /// Jobs that an operator called off, or set to work again.
+    pub ordered: HashSet<i64>,
+    pub ledger: Ledger,
+    /// What each octree's name shows.
+    pub shown: BTreeMap<String, String>,
+}
+
+/// On memory, where there is any: thousands of histories sync to no disk.
+fn fast_folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
+}
+
+impl World {
+    pub fn new(seed: u64) -> World {
+        let folder = fast_folder();
+        let layer: Layer = toml::from_str(SETTINGS).expect("settings");
+        let mut config = Config::from_layer(layer).expect("a configuration");
+        config.root = folder.path().canonicalize().expect("a path").join("root");
+        for sub in ["inbox", "octrees/.staged", "scratch"] {
+            fs::create_dir_all(config.root.join(sub)).expect("made");
+        }
+        config.watch = vec![config.root.with_file_name("mount")];
+        fs::create_dir(&config.watch[0]).expect("made");
+        World {
+            folder,
+            config: Arc::new(config),
+            now: Arc::new(AtomicI64::new(1_700_000_000_000)),
+            script: Arc::new(Script { seed, ..Script::default() }),
+            life: None,
+            sick_disk: false,
+            was_sick: false,
+            lives: 0,
+            stamps: 0,
+            ordered: HashSet::new(),
+            ledger: Ledger::default(),
+            shown: BTreeMap::new(),
+        }
+    }
+
+    pub fn now(&self) -> i64 {
+        self.now.load(Ordering::SeqCst)
+    }
+
+    pub fn advance(&self, millis: i64) {
+        self.now.fetch_add(millis, Ordering::SeqCst);
+    }
+
+    /// The paths that data sets may have: files, a folder, and some of them on a
+    /// mount.
+    pub fn places(&self) -> Vec<PathBuf> {
+        let (inbox, mount) = (self.config.inbox(), &self.config.watch[0]);
+        vec![
+            inbox.join("a.las"),
+            inbox.join("b.las"),
+            inbox.join("größe 1.las"),
+            inbox.join("tiles"),
+            mount.join("a.las"),
+            mount.join("m.las"),
+        ]
+    }
+
+    pub fn mount(&self) -> (PathBuf, PathBuf) {
+        (self.config.watch[0].clone(), self.folder.path().join("away"))
+    }
+
+    /// Writes a file with a time that no other has.
+    pub fn write(&mut self, path: &Path, bytes: &[u8]) {
+        if path.parent().is_some_and(|folder| fs::create_dir_all(folder).is_ok()) {
+            fs::write(path, bytes).expect("written");
+            self.touch(path);
+        }
+    }
+
+    pub fn touch(&mut self, path: &Path) {
+        self.stamps += 1;
+        let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000 + self.stamps as u64);
+        let file = fs::OpenOptions::new().append(true).open(path).expect("there");
+        file.set_modified(time).expect("set");
+    }
+
+    /// The living daemon; it is started where it is dead.
+    pub fn life(&mut self, disk: Disk) -> &mut Life {
+        if self.life.is_none() {
+            let runtime =
+                tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+            self.lives += 1;
+            let desk = Arc::new(Desk::new(self.script.clone()));
+            let (config, clock) = (self.config.clone(), Clock::Manual(self.now.clone()));
+            let owner = format!("life-{}", self.lives);
+            let (store, engine, watcher) = runtime.block_on(async {
+                let store = Store::open(&config.database()).await.expect("the queue opens");
+                let tools = Tools {
+                    config: config.clone(),
+                    store: store.clone(),
+                    board: Board::default(),
+                    metrics: Metrics::new().expect("metrics"),
+                    clock,
+                    disk,
+                    converter: desk.clone(),
+                    bell: Arc::default(),
+                };
+                let mut engine = Engine::new(tools, owner);
+                engine.recover().await.expect("recovered");
+                let known = store.stamps().await.expect("stamps").into_iter().collect();
+                let limits = Limits { settle: config.settle, patience: config.patience };
+                let roots = vec![config.inbox(), config.watch[0].clone()];
+                let watcher = Watcher::new(roots, vec![config.root.clone()], limits, known);
+                (store, engine, watcher)
+            });
+            self.life = Some(Life { runtime, store, engine, watcher, desk });
+        }
+        self.life.as_mut().expect("just started")
+    }
+
+    /// SIGKILL: no farewell, no conversion goes on.
+    pub fn crash(&mut self) {
+        let Some(life) = self.life.take() else { return };
+        life.desk.die();
+        let Life { runtime, store, engine, desk, .. } = life;
+        drop(engine);
+        // What a statement under way has done it has done before the next life.
+        runtime.block_on(store.close());
+        drop(runtime);
+        while Arc::strong_count(&desk) > 1 {
+            std::thread::yield_now();
+        }
+        self.sick_disk = false;
+    }
+
+    /// A shutdown in good order.
+    pub fn stop(&mut self) {
+        if let Some(life) = &mut self.life {
+            life.runtime.block_on(life.engine.stop());
+        }
+        self.crash();
+    }
+}
+
+impl Life {
+    /// One turn of the wheel, cut off after some `polls`; true where it came to
+    /// its end.
+    pub fn tick(&mut self, polls: usize) -> Result<bool, Broken> {
+        let done = self.runtime.block_on(cut_off(self.engine.tick(), polls));
+        match done {
+            Some(Err(error)) => return Err(format!("a tick failed: {error}")),
+            Some(Ok(_)) => self.wait_for_workers(),
+            None => {}
+        }
+        Ok(done.is_some())
+    }
+
+    /// Waits for every conversion that ends by itself to have ended.
+    fn wait_for_workers(&self) {
+        // One handle here, one in the engine, one a conversion.
+        while Arc::strong_count(&self.desk) > 2 + self.desk.hung().len() {
+            std::thread::yield_now();
+        }
+    }
+
+    pub fn let_go(&self, job: i64) {
+        self.desk.let_go(job);
+        self.wait_for_workers();
+    }
+
+    /// One scan, and what it found into the queue, cut off after some `polls`.
+    pub fn scan(&mut self, config: &Config, now: i64, polls: usize) -> Result<Option<Report>, Broken> {
+        // As the daemon's watching loop does it.
+        let again =
+            self.runtime.block_on(self.store.to_look_at_again()).map_err(|error| error.to_string())?;
+        again.iter().for_each(|path| self.watcher.forget(path));
+        let mut report = self.watcher.scan(now);
+        for found in std::mem::take(&mut report.found) {
+            let held = content::on_disk(&found.path);
+            let taking = intake::take_in(&self.store, found, &config.options, now);
+            match self.runtime.block_on(cut_off(taking, polls)) {
+                None => return Ok(None),
+                Some(Err(error)) => return Err(format!("not taken in: {error}")),
+                Some(Ok(Taken::Moving)) => return Err("nobody moves a file during a scan".into()),
+                Some(Ok(Taken::In { path, stamp, admission })) => {
+                    let inputs = self.runtime.block_on(self.store.inputs(admission.job()));
+                    let inputs = inputs.map_err(|error| error.to_string())?;
+                    let hashes: Vec<&str> = inputs.iter().map(|input| &input.hash[..16]).collect();
+                    if Some(hashes.join(",")) != held {
+                        return Err(format!("{} became {admission:?} of other content", path.display()));
+                    }
+                    self.watcher.taken(&path, stamp);
+                }
+            }
+        }
+        Ok(Some(report))
+    }
+
+    pub fn jobs(&self) -> Vec<lodestone::job::Job> {
+        self.runtime.block_on(self.store.jobs(None, None, 10_000)).expect("jobs")
+    }
+
+    pub fn jobs_in(&self, state: State) -> Vec<i64> {
+        self.jobs().iter().filter(|job| job.state == state).map(|job| job.id).collect()
+    }
+}
+
+/// Polls a future so many times and no more: what a process does that dies.
+async fn cut_off<T>(future: impl Future<Output = T>, polls: usize) -> Option<T> {
+    let mut future = pin!(future);
+    let mut left = polls;
+    std::future::poll_fn(|cx| {
+        if left == 0 {
+            return Poll::Ready(None);
+        }
+        left -= 1;
+        future.as_mut().poll(cx).map(Some)
+    })
+    .await
+}
