@@ -108,7 +108,7 @@ fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
     // Just at the limit, just above it, more than a chunk.
     for crowd in [LEAF_LIMIT, LEAF_LIMIT + 1, 3 * LEAF_LIMIT, 250_000] {
         let input = at("crowd.las");
-        let records = moved(surface(1, 300_000 + crowd as u64, 1), length, crowd, |_| [150_00, 150_00, 700]);
+        let records = moved(surface(1, 300_000 + crowd as u64, 1), length, crowd, |_| [15_000, 15_000, 700]);
         write_las(&input, &options_of(1, false), &records);
         let mut first = None;
         for memory in [IN_CORE, OUT_OF_CORE] {
