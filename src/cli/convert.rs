@@ -32,7 +32,10 @@ pub struct Arguments {
     /// What becomes of points at one position beyond the first 10 000
     #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
     duplicates: Mode,
-    /// Attributes to keep, by name, separated by commas; all if not given
+    /// What becomes of records that equal another in every attribute
+    #[arg(long, ignore_case = true, default_value = "keep", value_name = "MODE")]
+    twins: Mode,
+    /// Attributes to keep, by name, separated by commas; `auto` for those that are not zero throughout; all if not given
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     attributes: Vec<String>,
     /// The octree's name in its metadata; the output folder's if not given
@@ -81,6 +84,7 @@ pub fn run(arguments: Arguments) -> Exit {
             encoding: arguments.encoding,
             outliers: arguments.outliers,
             duplicates: arguments.duplicates,
+            twins: arguments.twins,
             attributes: arguments.attributes,
             name: arguments.name,
         },

@@ -9,7 +9,7 @@ use super::ConfigError;
 use super::hook::Hook;
 use super::size::Size;
 use super::sources::OnDone;
-use crate::stage::options::{Encoding, Sampling};
+use crate::stage::options::{Encoding, Mode, Sampling};
 
 /// What one source of configuration says; what it leaves out is empty.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -93,6 +93,15 @@ pub struct Layer {
     /// How points are stored [default: default].
     #[arg(long, env = "LODESTONE_ENCODING", value_enum, ignore_case = true)]
     pub encoding: Option<Encoding>,
+    /// What becomes of a few points so far away that the octree would be built for them [default: set-aside].
+    #[arg(long, env = "LODESTONE_OUTLIERS", value_enum, ignore_case = true)]
+    pub outliers: Option<Mode>,
+    /// What becomes of points at one position beyond the first 10 000 [default: set-aside].
+    #[arg(long, env = "LODESTONE_DUPLICATES", value_enum, ignore_case = true)]
+    pub duplicates: Option<Mode>,
+    /// What becomes of records that equal another in every attribute [default: keep].
+    #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
+    pub twins: Option<Mode>,
 }
 
 impl Layer {
@@ -134,6 +143,9 @@ impl Layer {
             keep_days: self.keep_days.or(other.keep_days),
             sampling: self.sampling.or(other.sampling),
             encoding: self.encoding.or(other.encoding),
+            outliers: self.outliers.or(other.outliers),
+            duplicates: self.duplicates.or(other.duplicates),
+            twins: self.twins.or(other.twins),
         }
     }
 }
