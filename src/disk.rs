@@ -13,6 +13,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::time::Duration;
 
 /// What went wrong with which file, and what to do about it.
 #[derive(Debug, thiserror::Error)]
@@ -149,11 +150,16 @@ impl Disk {
     pub fn try_lock_dir(&self, path: &Path) -> Result<Option<DirLock>> {
         use rustix::fs::{FlockOperation, flock};
         let folder = File::open(path).map_err(|e| DiskError::new("open", path, e))?;
-        match flock(&folder, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => Ok(Some(DirLock { _folder: folder })),
-            Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
-            Err(errno) => Err(DiskError::new("lock", path, errno.into())),
+        // A process that is just being started (a hook) holds all that its parent
+        // had open, until it is on its own feet: a moment of patience.
+        for _ in 0..LOCK_TRIES {
+            match flock(&folder, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => return Ok(Some(DirLock { _folder: folder })),
+                Err(rustix::io::Errno::WOULDBLOCK) => std::thread::sleep(LOCK_PAUSE),
+                Err(errno) => return Err(DiskError::new("lock", path, errno.into())),
+            }
         }
+        Ok(None)
     }
 
     /// Empties a folder, which stays, or makes it.
@@ -227,6 +233,9 @@ impl Disk {
         Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
     }
 }
+
+const LOCK_TRIES: u32 = 25;
+const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
 /// A lock on a folder; dropping it lets go.
 #[derive(Debug)]
