@@ -160,6 +160,7 @@ impl Config {
             options: Options {
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
+                damaged: layer.damaged.unwrap_or_default(),
                 ..Options::default()
             },
         })
@@ -195,6 +196,7 @@ impl Config {
             keep_days: Some(self.keep.unwrap_or(0) as f64 / DAY),
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
+            damaged: Some(self.options.damaged),
         }
     }
 }

@@ -38,6 +38,17 @@ pub enum Mode {
     Drop,
 }
 
+/// What becomes of a file that is cut, or of which some cannot be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Damaged {
+    /// Nothing is converted.
+    #[default]
+    Fail,
+    /// What can be read of it is, and what is missing is told.
+    Keep,
+}
+
 /// What changes the octree's bytes. Threads, memory and folders do not.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
@@ -48,6 +59,8 @@ pub struct Options {
     pub outliers: Mode,
     /// Points at one position beyond a leaf's worth.
     pub duplicates: Mode,
+    /// Files that promise more points than can be read.
+    pub damaged: Damaged,
     /// Attributes to keep by name; all where empty. `position` always stays.
     pub attributes: Vec<String>,
     /// The octree's name in its metadata; where none is given, from the input.
