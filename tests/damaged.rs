@@ -61,16 +61,16 @@ impl Bench {
         assert!(!self.octree().exists());
     }
 
-    /// Converted as far as it can be read: these points of the whole.
-    fn is_kept(&self, bytes: &[u8], points: &[std::ops::Range<u64>]) -> Outcome {
+    /// Converted as far as it can be read: these points of the whole, from and to.
+    fn is_kept(&self, bytes: &[u8], points: &[(u64, u64)]) -> Outcome {
         let outcome = self.convert(bytes, Damaged::Keep).unwrap();
-        let readable: u64 = points.iter().map(|range| range.end - range.start).sum();
+        let readable: u64 = points.iter().map(|(from, to)| to - from).sum();
         assert_eq!((outcome.points_in, outcome.points_missing), (readable, POINTS - readable));
         assert_eq!(outcome.points_out + outcome.points_set_aside, readable);
         // Not only as many points, but those: against a file made of them.
         let length = record_length(self.format).unwrap() as u64;
         let parts =
-            points.iter().map(|r| &self.records[(r.start * length) as usize..(r.end * length) as usize]);
+            points.iter().map(|(from, to)| &self.records[(from * length) as usize..(to * length) as usize]);
         let sound = self.folder.path().join("sound.las");
         write_las(&sound, &options_of(self.format, false), &parts.collect::<Vec<_>>().concat());
         assert!(verified(&self.octree(), &sound, false).unwrap().ok);
@@ -104,7 +104,7 @@ fn of_a_cut_las_the_whole_records_are_kept() {
     let start = whole.len() - POINTS as usize * 34;
     let cut = &whole[..start + 70_000 * 34 + 17];
     bench.is_refused(cut, 70_000);
-    let outcome = bench.is_kept(cut, &[0..70_000]);
+    let outcome = bench.is_kept(cut, &[(0, 70_000)]);
     assert!(outcome.notes.iter().any(|n| n.contains("70000 of its 120000 points")), "{:?}", outcome.notes);
     // Nobody who does not ask for it takes the part for the whole.
     assert!(verified(&bench.octree(), &bench.input(), false).is_err());
@@ -116,7 +116,7 @@ fn a_whole_file_is_converted_the_same_in_both_modes() {
         let bench = Bench::new(format, compressed);
         bench.convert(&bench.whole(), Damaged::Fail).unwrap();
         let expected = common::octree_bytes(&bench.octree());
-        let outcome = bench.is_kept(&bench.whole(), &[0..POINTS]);
+        let outcome = bench.is_kept(&bench.whole(), &[(0, POINTS)]);
         assert_eq!(outcome.notes, Vec::<String>::new());
         assert_eq!(common::octree_bytes(&bench.octree()), expected);
     }
@@ -133,14 +133,14 @@ fn of_a_cut_laz_what_came_before_the_cut_is_kept() {
     let outcome = bench.convert(cut, Damaged::Keep).unwrap();
     assert!((CHUNK..2 * CHUNK).contains(&outcome.points_in), "{}", outcome.points_in);
     bench.is_refused(cut, outcome.points_in);
-    bench.is_kept(cut, &[0..outcome.points_in]);
+    bench.is_kept(cut, &[(0, outcome.points_in)]);
 
     let bench = Bench::new(7, true);
     let whole = bench.whole();
     let (start, table) = chunk_table(&whole);
     let cut = &whole[..start + (table - start) * 3 / 5];
     bench.is_refused(cut, CHUNK);
-    bench.is_kept(cut, &[0..CHUNK]);
+    bench.is_kept(cut, &[(0, CHUNK)]);
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn without_its_chunk_table_a_laz_loses_nothing() {
         let bench = Bench::new(format, true);
         let whole = bench.whole();
         let cut = &whole[..chunk_table(&whole).1];
-        bench.is_kept(cut, &[0..POINTS]);
+        bench.is_kept(cut, &[(0, POINTS)]);
         assert_eq!(bench.convert(cut, Damaged::Fail).unwrap().points_in, POINTS);
     }
 }
@@ -170,7 +170,7 @@ fn a_damaged_chunk_in_the_middle_takes_only_its_own_points() {
         };
         bytes[at..at + 24].fill(0xA5);
         bench.is_refused(&bytes, POINTS - CHUNK);
-        let outcome = bench.is_kept(&bytes, &[0..CHUNK, 2 * CHUNK..POINTS]);
+        let outcome = bench.is_kept(&bytes, &[(0, CHUNK), (2 * CHUNK, POINTS)]);
         let told = "the points 50000 to 99999 are lost";
         assert!(outcome.notes.iter().any(|note| note.contains(told)), "{:?}", outcome.notes);
     }
