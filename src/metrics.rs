@@ -13,7 +13,7 @@ const SECONDS: [f64; 13] =
 /// The stages of a conversion.
 const STAGES: [&str; 5] = ["survey", "distribute", "index", "merge", "publish"];
 /// Why points are set aside.
-const SET_ASIDE: [&str; 3] = ["outlier", "duplicate", "other"];
+const SET_ASIDE: [&str; 4] = ["outlier", "duplicate", "twin", "other"];
 
 /// All series. Cheap to clone.
 #[derive(Debug, Clone)]

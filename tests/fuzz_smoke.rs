@@ -7,7 +7,7 @@
 //! left in the temporary folder, to be made a test of its own.
 
 mod common;
-#[path = "../fuzz/src/readers.rs"]
+#[path = "fuzz_smoke/readers.rs"]
 mod readers;
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -139,6 +139,76 @@ fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
 }
 
 #[test]
+fn exact_twins_are_set_aside_on_request_and_near_twins_never() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let length = record_length(1).unwrap();
+    let once = surface(1, 60_000, 3);
+    let mut records = once.clone();
+    // Every tenth once more, and every tenth but with another intensity.
+    for (i, record) in once.chunks_exact(length).enumerate().filter(|(i, _)| i % 10 < 2) {
+        records.extend_from_slice(record);
+        if i % 10 == 1 {
+            let end = records.len() - length + 12;
+            records[end] ^= 1;
+        }
+    }
+    write_las(&at("twins.laz"), &options_of(1, true), &records);
+    let options = Options { twins: Mode::SetAside, ..Options::default() };
+    for memory in [IN_CORE, OUT_OF_CORE] {
+        let outcome = convert(&at("twins.laz"), &at("octree"), &options, memory);
+        assert_eq!(outcome.set_aside.get(&Reason::Twin), Some(&6_000), "{outcome:?}");
+        assert_eq!(reasons(&at("octree/set-aside.laz")), vec![3; 6_000]);
+        verified(&at("octree"), &at("twins.laz"), 6_000);
+    }
+    let outcome = convert(&at("twins.laz"), &at("octree"), &Options::default(), IN_CORE);
+    assert_eq!(outcome.points_set_aside, 0);
+}
+
+#[test]
+fn a_report_lies_beside_every_octree_and_tells_no_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("hill.las");
+    write_las(&input, &options_of(2, false), &surface(2, 3_000, 5));
+    let output = folder.path().join("octree");
+    let options = Options { attributes: vec!["auto".into()], ..Options::default() };
+    let outcome = convert(&input, &output, &options, IN_CORE);
+    let text = fs::read_to_string(output.join("report.json")).unwrap();
+    assert!(!text.contains(folder.path().to_str().unwrap()), "{text}");
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["inputs"][0]["name"], "hill.las");
+    assert_eq!(report["inputs"][0]["points"], 3_000);
+    assert_eq!(report["points_out"], outcome.points_out);
+    assert_eq!(report["options"]["outliers"], "set-aside");
+    assert!(
+        report["seconds_by_stage"]["index"].is_number() && report["peak_bytes_by_stage"]["index"].is_number()
+    );
+    verified(&output, &input, 0);
+}
+
+/// "No attribute that is empty everywhere is stored unless asked for."
+#[test]
+fn attributes_that_are_zero_throughout_are_left_out_where_that_is_left_to_the_records() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("bare.las");
+    let length = record_length(3).unwrap();
+    let mut records = surface(3, 3_000, 5);
+    records.chunks_exact_mut(length).for_each(|record| record[12..].fill(0));
+    records.chunks_exact_mut(length).for_each(|record| record[12] = 7);
+    write_las(&input, &options_of(3, false), &records);
+    let output = folder.path().join("octree");
+    let names = |attributes: &[&str]| {
+        let attributes = attributes.iter().map(|name| name.to_string()).collect();
+        convert(&input, &output, &Options { attributes, ..Options::default() }, IN_CORE);
+        verified(&output, &input, 0);
+        let metadata = Metadata::read(&output).unwrap();
+        metadata.attributes.into_iter().map(|attribute| attribute.name).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&["auto"]), ["position", "intensity"]);
+    assert!(names(&[]).contains(&"rgb".to_string()));
+}
+
+#[test]
 fn files_of_different_layouts_have_what_is_set_aside_in_files_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let tiles = folder.path().join("tiles");

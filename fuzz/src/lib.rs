@@ -1,5 +1,6 @@
 //! The readers, and how libFuzzer hears of what they do.
 
+#[path = "../../tests/fuzz_smoke/readers.rs"]
 mod readers;
 
 pub use readers::*;

@@ -36,7 +36,10 @@ pub struct Arguments {
     /// converted, or what can be read of them is
     #[arg(long, ignore_case = true, default_value = "fail", value_name = "MODE")]
     damaged: Damaged,
-    /// Attributes to keep, by name, separated by commas; all if not given
+    /// What becomes of records that equal another in every attribute
+    #[arg(long, ignore_case = true, default_value = "keep", value_name = "MODE")]
+    twins: Mode,
+    /// Attributes to keep, by name, separated by commas; `auto` for those that are not zero throughout; all if not given
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     attributes: Vec<String>,
     /// The octree's name in its metadata; the output folder's if not given
@@ -86,6 +89,7 @@ pub fn run(arguments: Arguments) -> Exit {
             outliers: arguments.outliers,
             duplicates: arguments.duplicates,
             damaged: arguments.damaged,
+            twins: arguments.twins,
             attributes: arguments.attributes,
             name: arguments.name,
         },

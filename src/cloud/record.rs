@@ -182,8 +182,9 @@ pub struct Unified {
 
 impl Unified {
     /// The schema that holds every attribute of every source. `ored` has each
-    /// source's records ORed into one. `wanted` names the attributes to keep,
-    /// all where it is empty.
+    /// source's records ORed into one. `wanted` names the attributes to keep:
+    /// all where it is empty, and where it is `auto` those that are not zero in
+    /// every record.
     pub fn new(sources: &[(Source, Vec<u8>)], wanted: &[String]) -> Unified {
         let mut merged: Vec<(Attribute, bool)> = Vec::new();
         let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
@@ -191,7 +192,7 @@ impl Unified {
             let mut of_source = Vec::new();
             let standard = fields(source.format).len();
             for (attribute, place, always) in source.attributes() {
-                let used = always || Source::is_used(place, ored);
+                let used = (always && !is_auto(wanted)) || Source::is_used(place, ored);
                 let taken: Vec<usize> = of_source.iter().map(|(i, _)| *i).collect();
                 let is_extra = taken.len() >= standard;
                 let index = merge(&mut merged, attribute, used, is_extra, &taken);
@@ -199,7 +200,9 @@ impl Unified {
             }
             places.push(of_source);
         }
-        let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|w| w.eq_ignore_ascii_case(name));
+        let wants = |name: &str| {
+            wanted.is_empty() || is_auto(wanted) || wanted.iter().any(|w| w.eq_ignore_ascii_case(name))
+        };
         let mut schema = Schema { attributes: vec![position()] };
         let (mut unused, mut left_out) = (Vec::new(), Vec::new());
         let mut at = schema.record_size();
@@ -224,6 +227,11 @@ impl Unified {
     pub fn mover(&self, source: usize) -> &Mover {
         &self.movers[source]
     }
+}
+
+/// Whether the choice is left to the records.
+pub fn is_auto(wanted: &[String]) -> bool {
+    matches!(wanted, [only] if only.eq_ignore_ascii_case("auto"))
 }
 
 fn position() -> Attribute {

@@ -9,7 +9,7 @@ use super::ConfigError;
 use super::hook::Hook;
 use super::size::Size;
 use super::sources::OnDone;
-use crate::stage::options::{Damaged, Encoding, Sampling};
+use crate::stage::options::{Damaged, Encoding, Mode, Sampling};
 
 /// What one source of configuration says; what it leaves out is empty.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -97,6 +97,15 @@ pub struct Layer {
     /// fail, or what can be read of them is converted [default: fail].
     #[arg(long, env = "LODESTONE_DAMAGED", value_enum, ignore_case = true)]
     pub damaged: Option<Damaged>,
+    /// What becomes of a few points so far away that the octree would be built for them [default: set-aside].
+    #[arg(long, env = "LODESTONE_OUTLIERS", value_enum, ignore_case = true)]
+    pub outliers: Option<Mode>,
+    /// What becomes of points at one position beyond the first 10 000 [default: set-aside].
+    #[arg(long, env = "LODESTONE_DUPLICATES", value_enum, ignore_case = true)]
+    pub duplicates: Option<Mode>,
+    /// What becomes of records that equal another in every attribute [default: keep].
+    #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
+    pub twins: Option<Mode>,
 }
 
 impl Layer {
@@ -139,6 +148,9 @@ impl Layer {
             sampling: self.sampling.or(other.sampling),
             encoding: self.encoding.or(other.encoding),
             damaged: self.damaged.or(other.damaged),
+            outliers: self.outliers.or(other.outliers),
+            duplicates: self.duplicates.or(other.duplicates),
+            twins: self.twins.or(other.twins),
         }
     }
 }

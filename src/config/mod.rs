@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 use crate::job::verdict::Policy;
 use crate::stage::machine;
-use crate::stage::options::Options;
+use crate::stage::options::{Mode, Options};
 use hook::Hook;
 pub use layer::Layer;
 use size::Size;
@@ -161,6 +161,9 @@ impl Config {
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
                 damaged: layer.damaged.unwrap_or_default(),
+                outliers: layer.outliers.unwrap_or(Mode::SetAside),
+                duplicates: layer.duplicates.unwrap_or(Mode::SetAside),
+                twins: layer.twins.unwrap_or(Mode::Keep),
                 ..Options::default()
             },
         })
@@ -197,6 +200,9 @@ impl Config {
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
             damaged: Some(self.options.damaged),
+            outliers: Some(self.options.outliers),
+            duplicates: Some(self.options.duplicates),
+            twins: Some(self.options.twins),
         }
     }
 }

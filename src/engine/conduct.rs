@@ -8,12 +8,14 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::report;
 use crate::disk::{DirLock, Disk};
 use crate::format::inputs;
 use crate::stage::context::{Context, Stage};
 use crate::stage::distribute::distribute;
 use crate::stage::error::StageError;
 use crate::stage::index::index;
+use crate::stage::machine;
 use crate::stage::merge::merge;
 use crate::stage::options::Options;
 use crate::stage::publish::{self, Octree};
@@ -67,6 +69,8 @@ pub struct Outcome {
     pub units_resumed: u64,
     /// Wall time by stage, in seconds.
     pub seconds_by_stage: BTreeMap<Stage, f64>,
+    /// Most memory that the process had had by the end of each stage, in bytes.
+    pub peak_bytes_by_stage: BTreeMap<Stage, u64>,
     /// Attributes that were left out because they are zero in every point.
     pub unused_attributes: Vec<String>,
     /// What was odd about the inputs.
@@ -240,10 +244,12 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         exact: survey.lattice.is_exact(),
         max_error_units: if survey.lattice.is_exact() { 0.0 } else { 0.5 },
         units_resumed,
-        seconds_by_stage: times.0,
-        unused_attributes: survey.unified.unused,
-        notes: survey.notes,
+        seconds_by_stage: times.seconds,
+        peak_bytes_by_stage: times.peaks,
+        unused_attributes: survey.unified.unused.clone(),
+        notes: survey.notes.clone(),
     };
+    report::write(&survey, &outcome, options, &staging.folder, disk)?;
     if let Some(scratch) = &scratch {
         let (inode, outcome) = (staging.inode()?, serde_json::to_string(&outcome).unwrap_or_default());
         scratch.receipt(&Receipt::Finished { inode, outcome })?;
@@ -286,9 +292,12 @@ fn finished_before(request: &Request, scratch: &Scratch) -> Option<Outcome> {
     serde_json::from_str(outcome).ok()
 }
 
-/// Wall time by stage.
+/// Wall time and memory by stage.
 #[derive(Default)]
-struct Times(BTreeMap<Stage, f64>);
+struct Times {
+    seconds: BTreeMap<Stage, f64>,
+    peaks: BTreeMap<Stage, u64>,
+}
 
 impl Times {
     fn measure<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
@@ -296,7 +305,8 @@ impl Times {
         let result = work();
         let seconds = start.elapsed().as_secs_f64();
         tracing::debug!(stage = stage.name(), seconds, "stage done");
-        self.0.insert(stage, seconds);
+        self.seconds.insert(stage, seconds);
+        self.peaks.extend(machine::peak_memory().map(|peak| (stage, peak)));
         result
     }
 }

@@ -14,6 +14,7 @@ pub mod intake;
 pub mod janitor;
 mod preflight;
 mod publish;
+pub mod report;
 mod sources;
 mod stall;
 mod worker;

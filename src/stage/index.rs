@@ -14,6 +14,7 @@ use super::receipt::{Built, Risen};
 use super::scratch::Scratch;
 use super::set_aside::{self, Range, Reason};
 use super::survey::{Survey, chunk_memory};
+use super::twins;
 use super::workers;
 use crate::cloud::node::NodeKey;
 use crate::cloud::plan::Chunk;
@@ -173,11 +174,18 @@ impl<'o> Indexer<'o> {
         } else {
             aside = Vec::new();
         }
+        let is_thinned_crowd = !aside.is_empty();
         if let Some(scratch) = &runs.scratch {
             load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
         }
         let points = raw_points(survey, runs, parts, &self.raw);
         points.items(&mut self.items)?;
+        if self.options.twins != Mode::Keep {
+            let twins = twins::find(points.records());
+            let mut next = twins.iter().peekable();
+            self.items.retain(|item| next.next_if_eq(&&item.index).is_none());
+            aside.extend(set_aside::ranges(parts, &twins, Reason::Twin));
+        }
         self.spare.resize(self.items.len(), Item::default());
         if context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
@@ -201,7 +209,7 @@ impl<'o> Indexer<'o> {
             node: chunk.node,
             has_children: root.has_children,
             // Of a crowd that is a chunk of its own, only a part was looked at.
-            crowded: root.crowded || (!root.has_children && !aside.is_empty()),
+            crowded: root.crowded || is_thinned_crowd,
             records: RisingRecords::Memory(records),
         };
         let done = Done { root, statistics, points, aside };

@@ -21,6 +21,13 @@ pub fn memory() -> u64 {
     cgroup_limit().map_or(machine, |limit| limit.min(machine))
 }
 
+/// The most memory that this process has had resident at once, in bytes.
+pub fn peak_memory() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kibibytes| kibibytes * 1024)
+}
+
 /// The smallest limit on the way from this process's cgroup (v2) to the root,
 /// or that of v1.
 fn cgroup_limit() -> Option<u64> {

@@ -22,4 +22,5 @@ pub mod scratch;
 pub mod set_aside;
 pub mod staging;
 pub mod survey;
+mod twins;
 pub mod workers;

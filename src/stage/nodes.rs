@@ -4,6 +4,7 @@
 use super::error::StageError;
 use super::options::Encoding;
 use super::output::{Block, NodeEntry};
+use super::set_aside::same_layout;
 use super::survey::Survey;
 use crate::cloud::attribute::Schema;
 use crate::cloud::cube::Frame;
@@ -133,6 +134,16 @@ impl<'a> RawPoints<'a> {
             }
         }
         Ok(())
+    }
+
+    /// All raw records with the number of their layout, in their order.
+    pub fn records(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
+        let inputs = &self.survey.inputs;
+        self.parts.iter().flat_map(move |part| {
+            let input = &inputs[part.input];
+            let layout = inputs.iter().position(|other| same_layout(other, input)).unwrap_or(part.input);
+            part.bytes.chunks_exact(input.source.record_length).map(move |record| (layout, record))
+        })
     }
 
     fn part_of(&self, index: u32) -> &RawPart<'a> {

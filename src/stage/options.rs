@@ -50,7 +50,7 @@ pub enum Damaged {
 }
 
 /// What changes the octree's bytes. Threads, memory and folders do not.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Options {
     pub sampling: Sampling,
@@ -61,8 +61,26 @@ pub struct Options {
     pub duplicates: Mode,
     /// Files that promise more points than can be read.
     pub damaged: Damaged,
-    /// Attributes to keep by name; all where empty. `position` always stays.
+    /// Records that equal another in every attribute; kept unless asked for.
+    pub twins: Mode,
+    /// Attributes to keep by name; all where empty, and where it is `auto` all
+    /// that are not zero in every point. `position` always stays.
     pub attributes: Vec<String>,
     /// The octree's name in its metadata; where none is given, from the input.
     pub name: Option<String>,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            sampling: Sampling::default(),
+            encoding: Encoding::default(),
+            outliers: Mode::SetAside,
+            duplicates: Mode::SetAside,
+            twins: Mode::Keep,
+            damaged: Damaged::Fail,
+            attributes: Vec::new(),
+            name: None,
+        }
+    }
 }

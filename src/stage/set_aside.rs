@@ -32,15 +32,15 @@ pub const REASON: &str = "set aside";
 pub enum Reason {
     Outlier = 1,
     Duplicate = 2,
+    Twin = 3,
 }
 
 impl Reason {
-    pub const ALL: [Reason; 2] = [Reason::Outlier, Reason::Duplicate];
-
     pub fn name(self) -> &'static str {
         match self {
             Reason::Outlier => "outlier",
             Reason::Duplicate => "duplicate",
+            Reason::Twin => "twin",
         }
     }
 
@@ -48,6 +48,7 @@ impl Reason {
         match self {
             Reason::Outlier => options.outliers,
             Reason::Duplicate => options.duplicates,
+            Reason::Twin => options.twins,
         }
     }
 }
@@ -150,7 +151,7 @@ fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &Range) -> &'s Input {
 }
 
 /// Whether records of two inputs can stand in one file.
-fn same_layout(a: &Input, b: &Input) -> bool {
+pub fn same_layout(a: &Input, b: &Input) -> bool {
     let (x, y) = (a.las.header(), b.las.header());
     a.source == b.source && x.scale == y.scale && x.offset == y.offset
 }
@@ -171,7 +172,7 @@ fn las_options(input: &Input) -> LasOptions {
     };
     extra.push(ExtraField {
         name,
-        description: "1 outlier, 2 duplicate".into(),
+        description: "1 outlier, 2 duplicate, 3 twin".into(),
         scalar: Scalar::U8,
         elements: 1,
         position: header.record_length,

@@ -21,7 +21,7 @@ use super::workers;
 use crate::cloud::cube::Cube;
 use crate::cloud::lattice::{Lattice, Requantise};
 use crate::cloud::plan::{self, Plan};
-use crate::cloud::record::{Source, Unified};
+use crate::cloud::record::{self, Source, Unified};
 use crate::format::las::{LasFile, Slice};
 
 /// One input file that has points.
@@ -288,6 +288,9 @@ fn projection(files: &[LasFile], notes: &mut Vec<String>) -> String {
 fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
     let kept = unified.schema.attributes.iter().map(|a| &a.name);
     let known: Vec<&str> = kept.chain(&unified.unused).chain(&unified.left_out).map(String::as_str).collect();
+    if record::is_auto(&options.attributes) {
+        return Ok(());
+    }
     for wanted in &options.attributes {
         if !known.iter().any(|name| name.eq_ignore_ascii_case(wanted)) {
             return Err(StageError::UnknownAttribute { wanted: wanted.clone(), known: known.join(", ") });

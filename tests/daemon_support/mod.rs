@@ -46,7 +46,8 @@ pub fn las(points: u32, seed: u64) -> Vec<u8> {
     bytes
 }
 
-/// All files of a folder by their path in it.
+/// All files of a folder by their path in it; but for an octree's report, which
+/// tells how long it took.
 pub fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut open = vec![folder.to_path_buf()];
@@ -55,7 +56,7 @@ pub fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
                 open.push(path);
-            } else {
+            } else if path.file_name().is_some_and(|name| name != "report.json") {
                 let name = path.strip_prefix(folder).expect("below").to_path_buf();
                 files.insert(name, std::fs::read(&path).expect("readable"));
             }

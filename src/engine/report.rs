@@ -1,0 +1,92 @@
+//! `report.json`: what was made of what, and how. It lies beside the octree, so
+//! that whoever has the octree has its story: the inputs, the options, the
+//! lattice, what was counted, what was found odd, and what it cost.
+//!
+//! Octrees are served to the web, so files are told by their names, not by where
+//! they lie on this machine.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::conduct::Outcome;
+use crate::cloud::lattice::Lattice;
+use crate::disk::Disk;
+use crate::stage::error::StageError;
+use crate::stage::options::Options;
+use crate::stage::survey::Survey;
+
+/// The file's name in an octree's folder.
+pub const REPORT: &str = "report.json";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    lodestone: &'static str,
+    options: &'a Options,
+    inputs: Vec<Input<'a>>,
+    lattice: &'a Lattice,
+    /// World length of the root cube's side, and of the root's spacing.
+    cube: f64,
+    spacing: f64,
+    projection: &'a str,
+    attributes: Vec<&'a str>,
+    /// Attributes that were left out on request.
+    left_out: &'a [String],
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+}
+
+/// One file that has points.
+#[derive(Serialize)]
+struct Input<'a> {
+    name: String,
+    bytes: u64,
+    /// Seconds since 1970.
+    modified: &'a str,
+    points: u64,
+    version: String,
+    point_format: u8,
+    compressed: bool,
+    software: &'a str,
+}
+
+/// Writes the report into the octree's folder.
+pub fn write(
+    survey: &Survey,
+    outcome: &Outcome,
+    options: &Options,
+    folder: &Path,
+    disk: &Disk,
+) -> Result<(), StageError> {
+    let stamps: Vec<String> = survey.inputs.iter().map(|input| input.las.stamp()).collect();
+    let inputs = survey.inputs.iter().zip(&stamps).map(|(input, stamp)| {
+        let header = input.las.header();
+        Input {
+            name: input.las.path().file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            bytes: header.file_bytes,
+            modified: stamp.split_once(' ').map_or("", |(_, modified)| modified),
+            points: header.points,
+            version: format!("{}.{}", header.version.0, header.version.1),
+            point_format: header.point_format,
+            compressed: header.compressed,
+            software: &header.software,
+        }
+    });
+    let report = Report {
+        lodestone: env!("CARGO_PKG_VERSION"),
+        options,
+        inputs: inputs.collect(),
+        lattice: &survey.lattice,
+        cube: survey.cube.side(),
+        spacing: survey.cube.spacing(),
+        projection: &survey.projection,
+        attributes: survey.unified.schema.attributes.iter().map(|a| a.name.as_str()).collect(),
+        left_out: &survey.unified.left_out,
+        outcome,
+    };
+    let json = serde_json::to_vec_pretty(&report)
+        .map_err(|e| StageError::Inconsistent(format!("the report could not be written: {e}")))?;
+    let file = disk.create(&folder.join(REPORT))?;
+    file.write_all_at(&json, 0)?;
+    Ok(file.sync()?)
+}
