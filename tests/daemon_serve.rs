@@ -3,6 +3,7 @@
 mod daemon_support;
 
 use std::fs;
+use std::path::Path;
 use std::time::Duration;
 
 use daemon_support::{Daemon, content, converted, las, wait_for};
@@ -100,15 +101,19 @@ fn the_same_content_is_not_converted_twice_and_new_content_replaces_the_old() {
     let published = content(&daemon.octree("a"));
     assert_eq!(published, converted(&[&daemon.inbox().join("a.las")], &root.path().join("a")));
     assert_eq!(daemon.jobs()[0]["superseded_by"], 2);
+    // The octree that the copy shared is gone; now it has its own.
+    daemon.wait("copy of a", "done");
 
-    // The old content again, after a stop in between: it is converted anew, for
-    // its octree stands no more; and nothing else is.
     assert!(daemon.stop());
     let daemon = Daemon::start(&root.path().join("data"));
     std::thread::sleep(Duration::from_millis(1500));
-    assert_eq!(daemon.jobs().len(), 2, "nothing changed, so nothing is done");
+    assert_eq!(daemon.jobs().len(), 3, "nothing changed, so nothing is done");
+    // The old content again: it stands as the copy's octree, but `a` must not go
+    // on showing what its source no longer holds.
     fs::write(daemon.inbox().join("a.las"), las(5_000, 1)).expect("dropped");
     wait_for("revision 3", || daemon.jobs().into_iter().find(|j| j["revision"] == 3 && j["state"] == "done"));
+    let points = |name: &str| content(&daemon.octree(name))[Path::new("octree.bin")].clone();
+    assert!(points("a") == points("copy of a"));
     assert_ne!(content(&daemon.octree("a")), published);
 }
 

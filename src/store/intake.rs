@@ -83,6 +83,7 @@ impl Store {
     pub async fn take_in(&self, arrival: &Arrival, now: i64) -> Result<Admission> {
         let mut tx = self.begin().await?;
         let data_set = upsert_data_set(&mut tx, arrival, now).await?;
+        let arrival = &own_content(&mut tx, &data_set, arrival).await?;
         let admission = match find_standing(&mut tx, &arrival.content_key).await? {
             Some(job) => {
                 meet_again(&mut tx, &data_set, job, arrival, now).await?;
@@ -154,6 +155,26 @@ async fn free_name(tx: &mut Tx, wished: &str) -> Result<String> {
         }
     }
     unreachable!("the numbers do not end")
+}
+
+/// A content that stands as another data set's octree is not converted twice,
+/// unless this data set has an octree of its own, which would go on showing what
+/// the source no longer holds: then the content is its own.
+async fn own_content(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> Result<Arrival> {
+    let row = sqlx::query(
+        "SELECT EXISTS (SELECT 1 FROM job WHERE data_set = ?1 AND state = 'done' AND superseded_by IS NULL) \
+         AND EXISTS (SELECT 1 FROM job WHERE content_key = ?2 AND data_set <> ?1 \
+         AND (state IN ('queued', 'running', 'paused') OR (state = 'done' AND superseded_by IS NULL))) AS own",
+    )
+    .bind(data_set.id)
+    .bind(&arrival.content_key)
+    .fetch_one(&mut **tx)
+    .await?;
+    let mut arrival = arrival.clone();
+    if row.try_get::<bool, _>("own")? {
+        arrival.content_key = format!("{} as {}", arrival.content_key, data_set.name);
+    }
+    Ok(arrival)
 }
 
 /// A job that converts this content now, or whose octree stands.

@@ -14,6 +14,7 @@ mod intake;
 mod owed;
 mod purge;
 mod queue;
+mod recovery;
 mod row;
 mod sharing;
 mod views;
@@ -31,7 +32,8 @@ use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
 pub use owed::Telling;
-pub use queue::{Ending, Recovered};
+pub use queue::Ending;
+pub use recovery::Recovered;
 pub use views::{Attempt, Counts, History};
 
 #[derive(Debug, thiserror::Error)]
