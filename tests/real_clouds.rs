@@ -33,6 +33,7 @@ fn convert(inputs: &[&Path], output: &Path, more: &[&str]) -> Output {
 
 fn report(octree: &Path, against: &[&Path]) -> Report {
     verify::verify(&verify::Request {
+        damaged: false,
         octree: octree.to_path_buf(),
         against: against.iter().map(|p| p.to_path_buf()).collect(),
         memory_limit: 1 << 30,

@@ -29,6 +29,7 @@ fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> Outco
 /// Holds octree and set-aside files against the input.
 fn verified(output: &Path, input: &Path, set_aside: u64) {
     let report = verify::verify(&verify::Request {
+        damaged: false,
         octree: output.to_path_buf(),
         against: vec![input.to_path_buf()],
         memory_limit: 1 << 30,

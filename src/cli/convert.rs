@@ -8,7 +8,7 @@ use super::progress::{self, Style};
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::options::{Encoding, Mode, Options, Sampling};
+use crate::stage::options::{Damaged, Encoding, Mode, Options, Sampling};
 use crate::stage::staging::staging_folder;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
@@ -32,6 +32,10 @@ pub struct Arguments {
     /// What becomes of points at one position beyond the first 10 000
     #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
     duplicates: Mode,
+    /// What becomes of files that are cut, or of which a part cannot be decoded: nothing is
+    /// converted, or what can be read of them is
+    #[arg(long, ignore_case = true, default_value = "fail", value_name = "MODE")]
+    damaged: Damaged,
     /// What becomes of records that equal another in every attribute
     #[arg(long, ignore_case = true, default_value = "keep", value_name = "MODE")]
     twins: Mode,
@@ -84,6 +88,7 @@ pub fn run(arguments: Arguments) -> Exit {
             encoding: arguments.encoding,
             outliers: arguments.outliers,
             duplicates: arguments.duplicates,
+            damaged: arguments.damaged,
             twins: arguments.twins,
             attributes: arguments.attributes,
             name: arguments.name,
@@ -98,7 +103,11 @@ pub fn run(arguments: Arguments) -> Exit {
             if style != Style::None && style != Style::Json {
                 print_outcome(&request, &outcome);
             }
-            if outcome.points_set_aside > 0 { Exit::SetAside } else { Exit::Done }
+            if outcome.points_set_aside > 0 || outcome.points_missing > 0 {
+                Exit::SetAside
+            } else {
+                Exit::Done
+            }
         }
         Err(error) => {
             progress::failed(style, &error);
@@ -136,6 +145,13 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
             }
             true => println!("dropped as asked: {points} ({}s)", reason.name()),
         }
+    }
+    if outcome.points_missing > 0 {
+        println!(
+            "missing: {} of the {} points that the input promises could not be read",
+            super::grouped(outcome.points_missing),
+            super::grouped(outcome.points_in + outcome.points_missing)
+        );
     }
     let seconds: f64 = outcome.seconds_by_stage.values().sum();
     println!(

@@ -19,7 +19,7 @@ pub enum Exit {
     Done = 0,
     Failed = 1,
     Usage = 2,
-    /// Done, but points were set aside.
+    /// Done, but points were set aside, or are missing from damaged inputs.
     SetAside = 3,
 }
 

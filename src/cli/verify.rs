@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::Exit;
 use crate::stage::machine;
+use crate::stage::options::Damaged;
 use crate::verify::{self, Request, Spacing};
 
 /// Check an octree, alone or against the files that it was made of
@@ -16,6 +17,10 @@ pub struct Arguments {
     /// with the same attributes, to the last bit
     #[arg(long, num_args = 1.., value_name = "INPUT")]
     against: Vec<PathBuf>,
+    /// How the octree was made of INPUT where it is cut or damaged: `keep` holds it against what can
+    /// be read of it
+    #[arg(long, ignore_case = true, default_value = "fail", value_name = "MODE")]
+    damaged: Damaged,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
@@ -39,6 +44,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let request = Request {
         octree: arguments.octree,
         against: arguments.against,
+        damaged: arguments.damaged == Damaged::Keep,
         memory_limit: arguments.memory_limit.unwrap_or_else(machine::default_memory_limit),
         spacing: arguments.spacing,
     };

@@ -9,7 +9,7 @@ use super::ConfigError;
 use super::hook::Hook;
 use super::size::Size;
 use super::sources::OnDone;
-use crate::stage::options::{Encoding, Mode, Sampling};
+use crate::stage::options::{Damaged, Encoding, Mode, Sampling};
 
 /// What one source of configuration says; what it leaves out is empty.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -93,6 +93,10 @@ pub struct Layer {
     /// How points are stored [default: default].
     #[arg(long, env = "LODESTONE_ENCODING", value_enum, ignore_case = true)]
     pub encoding: Option<Encoding>,
+    /// What becomes of data sets with files that are cut, or of which a part cannot be decoded: they
+    /// fail, or what can be read of them is converted [default: fail].
+    #[arg(long, env = "LODESTONE_DAMAGED", value_enum, ignore_case = true)]
+    pub damaged: Option<Damaged>,
     /// What becomes of a few points so far away that the octree would be built for them [default: set-aside].
     #[arg(long, env = "LODESTONE_OUTLIERS", value_enum, ignore_case = true)]
     pub outliers: Option<Mode>,
@@ -143,6 +147,7 @@ impl Layer {
             keep_days: self.keep_days.or(other.keep_days),
             sampling: self.sampling.or(other.sampling),
             encoding: self.encoding.or(other.encoding),
+            damaged: self.damaged.or(other.damaged),
             outliers: self.outliers.or(other.outliers),
             duplicates: self.duplicates.or(other.duplicates),
             twins: self.twins.or(other.twins),

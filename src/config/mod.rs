@@ -160,6 +160,7 @@ impl Config {
             options: Options {
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
+                damaged: layer.damaged.unwrap_or_default(),
                 outliers: layer.outliers.unwrap_or(Mode::SetAside),
                 duplicates: layer.duplicates.unwrap_or(Mode::SetAside),
                 twins: layer.twins.unwrap_or(Mode::Keep),
@@ -198,6 +199,7 @@ impl Config {
             keep_days: Some(self.keep.unwrap_or(0) as f64 / DAY),
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
+            damaged: Some(self.options.damaged),
             outliers: Some(self.options.outliers),
             duplicates: Some(self.options.duplicates),
             twins: Some(self.options.twins),

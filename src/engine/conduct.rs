@@ -46,6 +46,9 @@ pub struct Outcome {
     pub points_in: u64,
     pub points_out: u64,
     pub points_set_aside: u64,
+    /// Points that the inputs promise and that are not in them, where what can be
+    /// read of damaged files was asked for.
+    pub points_missing: u64,
     /// By reason; what was dropped on request too.
     pub set_aside: BTreeMap<Reason, u64>,
     /// Files in the octree's folder that hold them.
@@ -183,7 +186,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     if paths.is_empty() {
         return Err(StageError::NoInputs);
     }
-    let mut opened = survey::open(&paths, context)?;
+    let mut opened = survey::open(&paths, options.damaged, context)?;
     let staging = Staging::open(disk, &request.output)?;
     let scratch = open_scratch(request, context, &opened, &staging)?;
     traces.are_ours(&staging, scratch.as_deref());
@@ -230,6 +233,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         points_in: survey.points,
         points_out: points,
         points_set_aside: points_aside,
+        points_missing: survey.missing,
         set_aside,
         files_aside,
         nodes: completed.nodes,

@@ -10,13 +10,20 @@ use crate::format::las::LasError;
 pub enum StageError {
     #[error(transparent)]
     Las(#[from] LasError),
+    #[error("{error}; {}", how_to_allow(*.readable))]
+    Damaged {
+        error: LasError,
+        /// Points that can be read and points that are promised, where the error
+        /// does not say it.
+        readable: Option<(u64, u64)>,
+    },
     #[error(transparent)]
     Disk(#[from] DiskError),
     #[error(transparent)]
     Inputs(#[from] InputsError),
     #[error("no input was named; name LAS or LAZ files, or a folder that holds some")]
     NoInputs,
-    #[error("{0} holds no points, so there is nothing to convert")]
+    #[error("{0} holds no points that could be read, so there is nothing to convert")]
     NoPoints(String),
     #[error("{} changed while it was read; let the copy finish and try again", .0.display())]
     InputChanged(PathBuf),
@@ -48,6 +55,13 @@ pub enum StageError {
 
 pub type Result<T> = std::result::Result<T, StageError>;
 
+/// How a person allows what is refused by default.
+fn how_to_allow(readable: Option<(u64, u64)>) -> String {
+    let counts = readable.map(|(there, all)| format!("{there} of its {all} points can be read; "));
+    let counts = counts.unwrap_or_default();
+    format!("{counts}to convert what can be read, say `--damaged keep` (`damaged = \"keep\"` for the daemon)")
+}
+
 impl StageError {
     /// Whether the same job, tried again with nothing changed but time, can
     /// succeed. Every variant is named, so that a new one must decide.
@@ -58,7 +72,7 @@ impl StageError {
             | StageError::NoRoom { .. }
             | StageError::Busy(_)
             | StageError::Cancelled => true,
-            StageError::Las(error) => error.may_pass(),
+            StageError::Las(error) | StageError::Damaged { error, .. } => error.may_pass(),
             StageError::Inputs(_)
             | StageError::NoInputs
             | StageError::NoPoints(_)

@@ -5,6 +5,7 @@
 
 pub mod context;
 pub mod counting;
+pub mod damage;
 pub mod distribute;
 pub mod error;
 pub mod index;

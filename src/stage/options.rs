@@ -38,6 +38,17 @@ pub enum Mode {
     Drop,
 }
 
+/// What becomes of a file that is cut, or of which some cannot be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Damaged {
+    /// Nothing is converted.
+    #[default]
+    Fail,
+    /// What can be read of it is, and what is missing is told.
+    Keep,
+}
+
 /// What changes the octree's bytes. Threads, memory and folders do not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -48,6 +59,8 @@ pub struct Options {
     pub outliers: Mode,
     /// Points at one position beyond a leaf's worth.
     pub duplicates: Mode,
+    /// Files that promise more points than can be read.
+    pub damaged: Damaged,
     /// Records that equal another in every attribute; kept unless asked for.
     pub twins: Mode,
     /// Attributes to keep by name; all where empty, and where it is `auto` all
@@ -65,6 +78,7 @@ impl Default for Options {
             outliers: Mode::SetAside,
             duplicates: Mode::SetAside,
             twins: Mode::Keep,
+            damaged: Damaged::Fail,
             attributes: Vec::new(),
             name: None,
         }

@@ -11,8 +11,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::context::{Context, Stage};
 use super::counting::{Base, Counter, Findings};
+use super::damage;
 use super::error::{Result, StageError};
-use super::options::Options;
+use super::options::{Damaged, Options};
 use super::receipt::{self, Identity};
 use super::region::Region;
 use super::scratch::Scratch;
@@ -60,6 +61,7 @@ pub struct Opened {
     files: Vec<LasFile>,
     units: Vec<Unit>,
     points: u64,
+    missing: u64,
     /// Whether all records fit the memory.
     pub in_core: bool,
     /// What the files were found to say that is not so, or odd.
@@ -72,6 +74,8 @@ pub struct Survey {
     pub units: Vec<Unit>,
     /// All of the inputs' points.
     pub points: u64,
+    /// Points that the inputs promise beyond those.
+    pub missing: u64,
     /// Which of them go into the octree, but for crowds.
     pub region: Region,
     pub lattice: Lattice,
@@ -94,8 +98,8 @@ pub fn chunk_memory(points: u64, raw: u64, record: u64) -> u64 {
 }
 
 /// Opens the inputs, each a file.
-pub fn open(paths: &[PathBuf], context: &Context) -> Result<Opened> {
-    let (files, notes) = open_all(paths, context)?;
+pub fn open(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Opened> {
+    let Files { files, missing, notes } = open_all(paths, damaged, context)?;
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
@@ -103,7 +107,7 @@ pub fn open(paths: &[PathBuf], context: &Context) -> Result<Opened> {
     }
     let units = cut_into_units(&files, points);
     let in_core = fits_in_core(&files, &units, points, context);
-    Ok(Opened { files, units, points, in_core, notes })
+    Ok(Opened { files, units, points, missing, in_core, notes })
 }
 
 impl Opened {
@@ -121,6 +125,7 @@ impl Opened {
         for file in &self.files {
             add(file.path().as_os_str().as_encoded_bytes());
             add(file.stamp().as_bytes());
+            add(&file.header().points.to_le_bytes());
         }
         *hasher.finalize().as_bytes()
     }
@@ -134,7 +139,7 @@ pub fn survey(
     scratch: Option<&Scratch>,
     context: &Context,
 ) -> Result<Survey> {
-    let Opened { files, units, points, in_core, mut notes } = opened;
+    let Opened { files, units, points, missing, in_core, mut notes } = opened;
     let sources: Vec<Source> = files
         .iter()
         .map(|f| Source {
@@ -154,7 +159,8 @@ pub fn survey(
         region: Region::default(),
         passes: 0,
     };
-    let (Findings { found, census, region, passes, notes: more }, base) = counter.findings(points)?;
+    let (Findings { found, census, region, passes, notes: more }, base) =
+        counter.findings(points).map_err(|error| damage::explain(error, context))?;
     notes.extend(more);
     let limit = plan::chunk_limit(points);
 
@@ -177,6 +183,7 @@ pub fn survey(
         inputs,
         units,
         points,
+        missing,
         region,
         lattice,
         cube,
@@ -189,8 +196,15 @@ pub fn survey(
     })
 }
 
+/// The inputs that have points, what they lack, and what is odd about all.
+struct Files {
+    files: Vec<LasFile>,
+    missing: u64,
+    notes: Vec<String>,
+}
+
 /// Opens all files; those without points are left out.
-fn open_all(paths: &[PathBuf], context: &Context) -> Result<(Vec<LasFile>, Vec<String>)> {
+fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Files> {
     let opened: Vec<Mutex<Option<LasFile>>> = paths.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
@@ -198,14 +212,19 @@ fn open_all(paths: &[PathBuf], context: &Context) -> Result<(Vec<LasFile>, Vec<S
         &context.cancel,
         || (),
         |(), i| {
-            let file = LasFile::open(&paths[i])?;
+            let file = damage::open(&paths[i], damaged, context)?;
             *opened[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(file);
             Ok(())
         },
     )?;
+    let mut opened: Vec<LasFile> = opened.into_iter().filter_map(|f| f.into_inner().ok().flatten()).collect();
+    if damaged == Damaged::Keep {
+        opened = damage::leave_out(opened, context)?;
+    }
     let mut notes = Vec::new();
     let mut files = Vec::new();
-    for file in opened.into_iter().filter_map(|f| f.into_inner().ok().flatten()) {
+    let missing = opened.iter().map(|file| file.header().missing).sum();
+    for file in opened {
         let name = file.path().display();
         notes.extend(file.header().notes.iter().map(|n| format!("{name}: {n}")));
         if file.header().points > 0 {
@@ -214,7 +233,7 @@ fn open_all(paths: &[PathBuf], context: &Context) -> Result<(Vec<LasFile>, Vec<S
             notes.push(format!("{name}: holds no points"));
         }
     }
-    Ok((files, notes))
+    Ok(Files { files, missing, notes })
 }
 
 /// Slices small enough to keep all cores busy to the end, large enough that

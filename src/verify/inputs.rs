@@ -1,6 +1,7 @@
 //! The files that an octree was made of: found, opened, and read slice by slice
 //! on all threads, each record turned into what the octree should hold for it.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,16 +17,31 @@ const SLICE: u32 = 100_000;
 
 /// An input file, open, with the way from its records to the octree's.
 pub struct Input {
-    pub file: LasFile,
+    pub file: Arc<LasFile>,
     pub mapping: Mapping,
 }
 
 impl Input {
     fn open(path: &Path, octree: &Octree) -> Result<Input, VerifyError> {
-        let file = LasFile::open(path)?;
+        let file = match octree.readable.get(path) {
+            Some(file) => file.clone(),
+            None => Arc::new(LasFile::open(path)?),
+        };
         let mapping = Mapping::new(file.header(), &octree.metadata, &octree.schema);
         Ok(Input { file, mapping })
     }
+}
+
+/// Opens files for what can be read of them, each once for all passes: LAZ is
+/// decoded to the end for that.
+pub fn readable(files: &[PathBuf]) -> Result<HashMap<PathBuf, Arc<LasFile>>, VerifyError> {
+    let mut opened = HashMap::new();
+    for path in files {
+        let mut file = LasFile::open_readable(path)?;
+        file.leave_out_damaged(|_| true)?;
+        opened.insert(path.clone(), Arc::new(file));
+    }
+    Ok(opened)
 }
 
 /// A slice's records as the octree should hold them.

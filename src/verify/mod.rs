@@ -40,6 +40,8 @@ pub struct Request {
     /// The files that it was made of, folders of them, or lists (`@list`); none:
     /// the octree is checked on its own.
     pub against: Vec<PathBuf>,
+    /// Whether they may be cut or damaged: then what can be read of them counts.
+    pub damaged: bool,
     /// Bytes of memory that the comparison may take.
     pub memory_limit: u64,
     pub spacing: Spacing,
@@ -63,7 +65,7 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
         true => Vec::new(),
         false => expand(&request.against)?,
     };
-    let octree = match Octree::open(&request.octree) {
+    let mut octree = match Octree::open(&request.octree) {
         Opened::Whole(octree) => octree,
         Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
         Opened::Nothing(error) => return Ok(unreadable(request, None, &error)),
@@ -83,6 +85,9 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
     report.checks.push(structure::hierarchy(&octree));
     report.checks.push(structure::bytes(&octree));
     report.checks.push(structure::counts(&octree));
+    if request.damaged {
+        octree.readable = inputs::readable(&files)?;
+    }
     let walk = walk::walk(&octree, !files.is_empty());
     if !files.is_empty() {
         report.against = Some(against::compare(&octree, &walk.sum, &files, request.memory_limit)?);

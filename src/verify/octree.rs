@@ -2,11 +2,14 @@
 //! block at a time. octree.bin is read with positioned reads, never by memory
 //! map: it may be anyone's file, and may be cut short while it is read.
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::cloud::attribute::Schema;
+use crate::format::las::LasFile;
 use crate::format::potree::{self, Encoding, Metadata, Node, PotreeError};
 
 /// Points of a block that is read at once.
@@ -23,6 +26,8 @@ pub struct Octree {
     pub bytes: u64,
     /// LAS files beside it with the points that were kept out of it.
     pub set_aside: Vec<PathBuf>,
+    /// Inputs that were opened beforehand for what can be read of them.
+    pub readable: HashMap<PathBuf, Arc<LasFile>>,
     file: File,
 }
 
@@ -74,7 +79,8 @@ impl Octree {
         let file = File::open(folder.join(potree::OCTREE)).map_err(read(potree::OCTREE))?;
         let bytes = file.metadata().map_err(read(potree::OCTREE))?.len();
         let set_aside = set_aside(folder);
-        Ok(Octree { metadata: metadata.clone(), schema, nodes, oddities, bytes, set_aside, file })
+        let (metadata, readable) = (metadata.clone(), HashMap::new());
+        Ok(Octree { metadata, schema, nodes, oddities, bytes, set_aside, readable, file })
     }
 
     /// Whether a node's bytes lie in octree.bin and can be as many points.

@@ -114,6 +114,7 @@ impl Bench {
         let request = Request {
             octree: self.folder.path().join("octree"),
             against: vec![self.folder.path().join("in.las")],
+            damaged: false,
             memory_limit,
             spacing: Spacing::Auto,
         };

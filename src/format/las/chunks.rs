@@ -7,7 +7,7 @@ use super::chunk_table::{self, Table};
 use super::coding::Coding;
 use super::count::Claims;
 use super::source::Source;
-use super::{LasError, stream};
+use super::{LasError, Reading, stream};
 
 /// One chunk of points that can be decoded on its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,9 +85,9 @@ pub struct Locator<'a> {
     pub start: u64,
     pub end: u64,
     pub claims: Claims,
-    /// Only a chunk table that accounts for every byte will do: for files that
-    /// may still be on their way.
-    pub strict: bool,
+    /// Strictly, only a chunk table that accounts for every byte will do. Where
+    /// what can be read is asked for, a count may turn out to be too high.
+    pub reading: Reading,
 }
 
 /// No LAZ coder gets more points into a byte than this: even a point that
@@ -99,7 +99,8 @@ impl Locator<'_> {
     pub fn locate(&self, notes: &mut Vec<String>) -> Result<Located, LasError> {
         let path = self.source.path();
         let most = self.most();
-        if self.claims.candidates().all(|count| count > most) && self.claims.largest() > 0 {
+        let beyond = self.claims.candidates().all(|count| count > most) && self.claims.largest() > 0;
+        if beyond && self.reading != Reading::Readable {
             let reason = format!(
                 "it says {} points, and {} bytes cannot hold as many",
                 self.claims.said(),
@@ -108,7 +109,8 @@ impl Locator<'_> {
             return Err(LasError::header(path, reason));
         }
         self.claims.note_disagreement(notes);
-        let said = self.claims.candidates().find(|count| *count <= most).unwrap_or(0);
+        let said = self.claims.candidates().find(|count| *count <= most);
+        let said = said.unwrap_or(if beyond { most } else { 0 });
         if self.chunking == Chunking::Whole {
             let layout = Layout::Stream { start: self.start, end: self.end, chunk_points: None };
             return Ok(Located::complete(layout, said));
@@ -125,10 +127,13 @@ impl Locator<'_> {
                 Err(Trouble::Table(reason)) => reason,
             },
             Table::Bad(reason) => reason,
-            Table::Beyond if self.strict => "it should lie behind the end of the file".to_string(),
+            Table::Beyond if self.reading == Reading::Strict => {
+                "it should lie behind the end of the file".to_string()
+            }
             Table::Beyond => {
                 let reason = "its chunk table should lie behind its end".to_string();
-                let readable = self.readable(said)?;
+                let whole = self.reading == Reading::Whole;
+                let readable = if whole { self.readable(said)? } else { said };
                 if readable < said {
                     let path = path.to_path_buf();
                     return Err(LasError::Cut { path, readable, points: said, reason });
@@ -136,7 +141,7 @@ impl Locator<'_> {
                 reason
             }
         };
-        if self.strict {
+        if self.reading == Reading::Strict {
             let place = "its chunk table".to_string();
             return Err(LasError::Damaged { path: path.to_path_buf(), place, reason });
         }
@@ -226,7 +231,7 @@ impl Locator<'_> {
             // A header that counts none may be that of a writer that died.
             let chunks = self.walk(if said == 0 { u64::MAX } else { said })?;
             let points = chunks.last().map_or(0, |chunk| chunk.first + chunk.points);
-            if points < said {
+            if points < said && self.reading != Reading::Readable {
                 return Err(LasError::Cut {
                     path: path.to_path_buf(),
                     readable: points,
@@ -243,6 +248,10 @@ impl Locator<'_> {
                 let layout =
                     Layout::Stream { start: self.start + 8, end: self.end, chunk_points: Some(each) };
                 Ok(Located::makeshift(layout, said))
+            }
+            _ if self.reading == Reading::Readable => {
+                notes.push(format!("{reason}; without it nobody knows where its chunks begin"));
+                Ok(Located::makeshift(Layout::Chunks(Vec::new()), 0))
             }
             _ => Err(LasError::Damaged {
                 path: path.to_path_buf(),

@@ -21,6 +21,9 @@ pub struct Header {
     pub record_length: usize,
     /// How many there are in truth, which may differ from what the header says.
     pub points: u64,
+    /// Points that it promises beyond those: only in a file that was opened for
+    /// what can be read of it.
+    pub missing: u64,
     /// World = integer × scale + offset.
     pub scale: [f64; 3],
     pub offset: [f64; 3],
@@ -212,6 +215,7 @@ impl Front {
             compressed: self.compressed,
             record_length: usize::from(raw.point_data_record_length),
             points: 0,
+            missing: 0,
             scale: self.scale(),
             offset: self.offset(),
             min: [raw.min_x, raw.min_y, raw.min_z],

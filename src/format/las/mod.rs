@@ -15,6 +15,7 @@ mod crs;
 mod error;
 mod extra_bytes;
 mod header;
+mod readable;
 mod reader;
 mod source;
 mod stream;
@@ -26,8 +27,20 @@ mod writer;
 pub use crs::{Crs, CrsSource};
 pub use error::LasError;
 pub use header::{Created, Header};
+pub use readable::Checked;
 pub use reader::{LasFile, Slice};
 pub use writer::{LasOptions, LasWriter};
+
+/// How much a file is believed, and how much is made of one that is broken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reading {
+    /// Nothing is mended: the file may still be on its way.
+    Strict,
+    /// All points that it promises, or an error.
+    Whole,
+    /// As many of them as there are.
+    Readable,
+}
 
 /// Bytes that a record of a point format has without extra ones (LAS 1.4 R15,
 /// tables 7 to 17).

@@ -1,6 +1,7 @@
 //! Opens a LAS or LAZ file and gives its records as they are, slice by slice,
 //! to any number of threads.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use super::source::Source;
 use super::stream::Broken;
 use super::turnstile::Turnstile;
 use super::vlr::{self, Vlr};
-use super::{crs, extra_bytes};
+use super::{Reading, crs, extra_bytes};
 
 /// Decoded bytes of a slice at most, however many points were asked for.
 const MOST_SLICE: u64 = 128 << 20;
@@ -28,8 +29,8 @@ const MOST_CHUNK: u64 = 4_000_000;
 #[derive(Debug)]
 pub struct LasFile {
     source: Arc<Source>,
-    header: Header,
-    body: Body,
+    pub(super) header: Header,
+    pub(super) body: Body,
     complete: bool,
 }
 
@@ -37,6 +38,7 @@ pub struct LasFile {
 struct Points {
     body: Body,
     count: u64,
+    missing: u64,
     record_length: usize,
     complete: bool,
 }
@@ -50,7 +52,7 @@ pub struct Slice {
 }
 
 #[derive(Debug)]
-enum Body {
+pub(super) enum Body {
     /// Records one behind the other, from this byte on.
     Plain { at: u64 },
     /// LAZ chunks, each on its own.
@@ -61,28 +63,28 @@ enum Body {
 
 impl LasFile {
     pub fn open(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, false)
+        LasFile::open_as(path, Reading::Whole)
     }
 
     /// Opens a file that may still be on its way: quickly, and without the
     /// lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
     pub fn open_strictly(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, true)
+        LasFile::open_as(path, Reading::Strict)
     }
 
-    fn open_as(path: &Path, strict: bool) -> Result<LasFile, LasError> {
+    pub(super) fn open_as(path: &Path, reading: Reading) -> Result<LasFile, LasError> {
         let source = Arc::new(Source::open(path)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = records(&source, &front, &mut notes)?;
         let points = if front.compressed {
-            compressed(&source, &front, &records, strict, &mut notes)?
+            compressed(&source, &front, &records, reading, &mut notes)?
         } else {
-            plain(&source, &front, &mut notes)?
+            plain(&source, &front, reading, &mut notes)?
         };
 
         let mut header = front.finish(&source);
-        header.points = points.count;
+        (header.points, header.missing) = (points.count, points.missing);
         header.record_length = points.record_length;
         let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
         let standard = super::record_length(header.point_format).unwrap_or(points.record_length);
@@ -181,7 +183,12 @@ impl LasFile {
     }
 
     /// Chunks that follow one another in the file: one read, then each.
-    fn decode(&self, coding: &Coding, chunks: &[Chunk], records: &mut [u8]) -> Result<(), LasError> {
+    pub(super) fn decode(
+        &self,
+        coding: &Coding,
+        chunks: &[Chunk],
+        records: &mut [u8],
+    ) -> Result<(), LasError> {
         let (Some(first), Some(last)) = (chunks.first(), chunks.last()) else { return Ok(()) };
         let mut bytes = vec![0; (last.at + last.bytes - first.at) as usize];
         self.source.read_exact_at(&mut bytes, first.at)?;
@@ -204,6 +211,9 @@ impl LasFile {
 
     fn broken(&self, slice: Slice, broken: Broken) -> LasError {
         let path = self.path().to_path_buf();
+        if broken.unread {
+            return LasError::io("read", &path, io::Error::other(broken.reason));
+        }
         if broken.ended {
             let Broken { readable, reason, .. } = broken;
             return LasError::Cut { path, readable, points: self.header.points, reason };
@@ -232,7 +242,12 @@ fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Ve
     Ok(records)
 }
 
-fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Points, LasError> {
+fn plain(
+    source: &Source,
+    front: &Front,
+    reading: Reading,
+    notes: &mut Vec<String>,
+) -> Result<Points, LasError> {
     let length = usize::from(front.raw.point_data_record_length);
     let claims = Claims::of(&front.raw);
     let at = front.points_at();
@@ -241,33 +256,34 @@ fn plain(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Poin
     let bytes = front.points_end(source).saturating_sub(at);
     let (room, rest) = (bytes / length as u64, bytes % length as u64);
     let all = source.bytes().saturating_sub(at);
+    let mut missing = 0;
     let judged = claims.judge(room, rest, notes).or_else(|too_many| {
-        let (room, rest) = (all / length as u64, all % length as u64);
-        if room < too_many.said {
-            return Err(LasError::Cut {
-                path: source.path().to_path_buf(),
-                readable: room,
-                points: too_many.said,
-                reason: format!(
-                    "the last whole record ends at byte {}",
-                    at.min(source.bytes()) + room * length as u64
-                ),
-            });
+        if all / (length as u64) < too_many.said {
+            let end = at.min(source.bytes()) + room * length as u64;
+            let reason = format!("the last whole record ends at byte {end}");
+            let (path, readable, points) = (source.path().to_path_buf(), room, too_many.said);
+            if reading != Reading::Readable {
+                return Err(LasError::Cut { path, readable, points, reason });
+            }
+            missing = points - readable;
+            notes.push(format!("{readable} of its {points} points are there: {reason}"));
+            return Ok(readable);
         }
+        let (room, rest) = (all / length as u64, all % length as u64);
         notes.push("its extended records or waveforms should begin among its points".to_string());
         claims
             .judge(room, rest.max(1), notes)
             .map_err(|_| LasError::header(source.path(), "its counts contradict"))
     })?;
     let complete = claims.are(judged);
-    Ok(Points { body: Body::Plain { at }, count: judged, record_length: length, complete })
+    Ok(Points { body: Body::Plain { at }, count: judged, missing, record_length: length, complete })
 }
 
 fn compressed(
     source: &Arc<Source>,
     front: &Front,
     records: &[Vlr],
-    strict: bool,
+    reading: Reading,
     notes: &mut Vec<String>,
 ) -> Result<Points, LasError> {
     let path = source.path();
@@ -292,9 +308,16 @@ fn compressed(
         start: front.points_at(),
         end: front.points_end(source).max(front.points_at()),
         claims: Claims::of(&front.raw),
-        strict,
+        reading,
     };
     let located = locator.locate(notes)?;
+    let missing = match reading {
+        Reading::Readable => locator.claims.said().saturating_sub(located.points),
+        Reading::Strict | Reading::Whole => 0,
+    };
+    if missing > 0 {
+        notes.push(format!("{} of its {} points are there", located.points, located.points + missing));
+    }
     let record_length = coding.record_length;
     let body = match located.layout {
         Layout::Chunks(chunks) if chunks.iter().all(|chunk| is_small(chunk, record_length)) => {
@@ -302,7 +325,7 @@ fn compressed(
         }
         layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
     };
-    Ok(Points { body, count: located.points, record_length, complete: located.complete })
+    Ok(Points { body, count: located.points, missing, record_length, complete: located.complete })
 }
 
 fn is_small(chunk: &Chunk, record_length: usize) -> bool {

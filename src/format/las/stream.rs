@@ -19,16 +19,24 @@ const MOST_TO_COUNT: u64 = 64 << 20;
 /// Why decoding ended, and how many points came before.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Broken {
+    /// Points that came out.
     pub readable: u64,
+    /// Those of them that are right: where the bytes made no sense, what came
+    /// out of the same chunk before may be wrong already.
+    pub sound: u64,
     pub reason: String,
     /// The bytes ended, as in a file that was cut.
     pub ended: bool,
+    /// The disk failed, or the file went away: it says nothing of its bytes.
+    pub unread: bool,
 }
 
 /// A place in the stream of points.
 pub struct Stream {
     /// Points that came out so far.
     pub decoded: u64,
+    /// The first point of the current chunk.
+    chunk_first: u64,
     /// Points that are left in the current chunk.
     left: u64,
     /// The next entry of [`Layout::Chunks`].
@@ -62,8 +70,8 @@ impl Stream {
             ),
             Layout::Stream { start, end, .. } => (*start, *end),
         };
-        let window = BufReader::with_capacity(1 << 16, Range { source, position, end });
-        Stream { decoded: 0, left: 0, next_chunk: 0, state: Decoder::Idle(window) }
+        let window = BufReader::with_capacity(1 << 16, Range { source, position, end, failed: false });
+        Stream { decoded: 0, chunk_first: 0, left: 0, next_chunk: 0, state: Decoder::Idle(window) }
     }
 
     pub fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
@@ -104,6 +112,7 @@ impl Stream {
     /// Starts the next chunk's decoder.
     fn next(&mut self, coding: &Coding, layout: &Layout) -> Result<(), String> {
         self.close(layout)?;
+        self.chunk_first = self.decoded;
         let Decoder::Idle(mut window) = std::mem::replace(&mut self.state, Decoder::Gone) else {
             return Err("its decoder is gone".to_string());
         };
@@ -111,7 +120,10 @@ impl Stream {
             Layout::Chunks(chunks) => {
                 let chunk = chunks.get(self.next_chunk).ok_or("it has no further chunk")?;
                 self.next_chunk += 1;
-                check_layers(window.get_ref(), coding, chunk)?;
+                if let Err(reason) = check_layers(window.get_mut(), coding, chunk) {
+                    self.state = Decoder::Idle(window);
+                    return Err(reason);
+                }
                 window.seek(SeekFrom::Start(chunk.at)).map_err(|e| e.to_string())?;
                 self.left = chunk.points;
             }
@@ -154,20 +166,23 @@ impl Stream {
     }
 
     fn broken(&mut self, reason: String) -> Broken {
-        let ended = match &mut self.state {
+        let (ended, unread) = match &mut self.state {
             Decoder::Running(decoder) => {
                 let window = decoder.get_mut();
-                window.fill_buf().is_ok_and(<[u8]>::is_empty)
+                let ended = window.fill_buf().is_ok_and(<[u8]>::is_empty);
+                (ended, window.get_ref().failed)
             }
-            _ => false,
+            Decoder::Idle(window) => (false, window.get_ref().failed),
+            Decoder::Gone => (false, false),
         };
-        Broken { readable: self.decoded, reason, ended }
+        let sound = if ended { self.decoded } else { self.chunk_first };
+        Broken { readable: self.decoded, sound, reason, ended: ended && !unread, unread }
     }
 }
 
 /// As in [`Coding::decode`]: the layers must be those of the chunk before
 /// `laz` makes room for them.
-fn check_layers(range: &Range, coding: &Coding, chunk: &Chunk) -> Result<(), String> {
+fn check_layers(range: &mut Range, coding: &Coding, chunk: &Chunk) -> Result<(), String> {
     if !coding.layered {
         return Ok(());
     }
@@ -175,7 +190,10 @@ fn check_layers(range: &Range, coding: &Coding, chunk: &Chunk) -> Result<(), Str
     if chunk.bytes < front.len() as u64 {
         return Err(format!("its {} bytes are too few", chunk.bytes));
     }
-    range.source.read_exact_at(&mut front, chunk.at).map_err(|e| e.to_string())?;
+    range.source.read_exact_at(&mut front, chunk.at).map_err(|e| {
+        range.failed = true;
+        e.to_string()
+    })?;
     match coding.layered_extent(&front) {
         extent if extent == (chunk.points, chunk.bytes) => Ok(()),
         (points, bytes) => Err(format!(
@@ -192,12 +210,16 @@ struct Range {
     source: Arc<Source>,
     position: u64,
     end: u64,
+    /// A read failed; the decoder tells no more of that than of broken bytes.
+    failed: bool,
 }
 
 impl Read for Range {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let most = bytes.len().min(self.end.saturating_sub(self.position) as usize);
-        let read = self.source.read_at(&mut bytes[..most], self.position)?;
+        let read = self.source.read_at(&mut bytes[..most], self.position);
+        self.failed |= read.is_err();
+        let read = read?;
         self.position += read as u64;
         Ok(read)
     }
@@ -232,7 +254,7 @@ pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, star
     while stream.decoded < said {
         let points = (said - stream.decoded).min(SKIP) as usize;
         if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
-            return broken.readable;
+            return broken.sound;
         }
     }
     said
