@@ -89,7 +89,7 @@ pub fn field(points: usize, corner: [i32; 3], side: i32) -> Vec<[i32; 3]> {
         .map(|i| {
             let dice = mix(i);
             let [x, y] =
-                [dice as u32, (dice >> 32) as u32].map(|d| (u64::from(d) * side as u64 >> 32) as i32);
+                [dice as u32, (dice >> 32) as u32].map(|d| ((u64::from(d) * side as u64) >> 32) as i32);
             [corner[0] + x, corner[1] + y, corner[2] + (x / 7 + y / 5) % (side / 8 + 1)]
         })
         .collect()

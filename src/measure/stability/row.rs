@@ -142,8 +142,8 @@ impl Row {
         self.largest_node = nodes.iter().map(|node| node.points).max().unwrap_or(0);
 
         let words = fs::read_to_string(place.words()).unwrap_or_default();
-        let told = words.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-        let told = told.last().unwrap_or_default();
+        let last = words.lines().rev().find(|line| line.starts_with('{')).unwrap_or_default();
+        let told: serde_json::Value = serde_json::from_str(last).unwrap_or_default();
         if let Some(aside) = told["outcome"]["set_aside"].as_object() {
             let counts = aside.iter().filter_map(|(reason, n)| Some((reason.clone(), n.as_u64()?)));
             self.set_aside = counts.collect();
