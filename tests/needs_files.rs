@@ -230,8 +230,9 @@ fn colours_stay_what_they_are_dark_shallow_or_black() {
             (0..3).for_each(|c| record[20 + 2 * c..][..2].copy_from_slice(&of(number).to_le_bytes()));
         })
     };
+    type Brightness = fn(usize) -> u16;
     // Eight bits in sixteen; black for a long time, then bright; black throughout.
-    let cases: [(fn(usize) -> u16, f64); 3] = [
+    let cases: [(Brightness, f64); 3] = [
         (|number| (number % 256) as u16, 255.0),
         (|number| if number < 19_000 { 0 } else { 65_535 }, 65_535.0),
         (|_| 0, 0.0),
