@@ -142,8 +142,11 @@ impl LasFile {
     pub fn read(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
         self.read_slice(slice, records).map_err(|error| match error {
             // What somebody writes to while it is read does not decode, but it
-            // is not damaged: read again, it may be fine.
-            LasError::Cut { .. } | LasError::Damaged { .. } => self.check_unchanged().err().unwrap_or(error),
+            // is not damaged: read again, it may be fine. One that is gone still
+            // has its bytes.
+            LasError::Cut { .. } | LasError::Damaged { .. } if self.path().exists() => {
+                self.check_unchanged().err().unwrap_or(error)
+            }
             error => error,
         })
     }
