@@ -37,6 +37,9 @@ pub mod stage;
 pub mod synth;
 pub mod verify;
 
+// What the program is worth: conversions of scenes as processes of their own.
+pub mod measure;
+
 // The durable half. Empty lines keep rustfmt from sorting it by the alphabet.
 pub mod config;
 

@@ -15,14 +15,13 @@
 //! both writing as many bytes as the octree has.
 
 mod floors;
-mod measure;
 
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use measure::{Run, spread};
+use lodestone::measure::process::{self as measure, Run, spread};
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 

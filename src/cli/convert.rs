@@ -9,7 +9,7 @@ use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::{Damaged, Encoding, Mode, Options, Sampling};
-use crate::stage::staging::staging_folder;
+use crate::stage::staging::{staging_folder, within_a_name};
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
 #[derive(Debug, clap::Args)]
@@ -130,7 +130,7 @@ pub fn run(arguments: Arguments) -> Exit {
 fn scratch_name(name: &str, output: &Path) -> String {
     let output = std::path::absolute(output).unwrap_or_else(|_| output.to_path_buf());
     let hash = blake3::hash(output.as_os_str().as_encoded_bytes()).to_hex();
-    format!(".{name}-{}.scratch", &hash[..8])
+    format!(".{}-{}.scratch", within_a_name(name), &hash[..8])
 }
 
 fn print_outcome(request: &Request, outcome: &Outcome) {

@@ -5,6 +5,7 @@ mod convert;
 mod info;
 mod jobs;
 mod progress;
+mod report;
 mod serve;
 mod synth;
 mod verify;
@@ -52,6 +53,7 @@ enum Command {
     Config(config::Arguments),
     Jobs(jobs::Arguments),
     Synth(synth::Arguments),
+    Report(report::Arguments),
 }
 
 /// Parses the arguments, runs the command, and turns its end into an exit code.
@@ -66,6 +68,7 @@ pub fn run() -> ExitCode {
         Command::Config(arguments) => config::run(arguments),
         Command::Jobs(arguments) => jobs::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
     };
     ExitCode::from(exit as u8)
 }

@@ -33,6 +33,9 @@ pub struct Arguments {
     /// Of `duplicates`: pairs at one position each instead of one crowd.
     #[arg(long)]
     twins: bool,
+    /// Of `town`: a stone of 1 cm in 10 km of country instead of a street in a village.
+    #[arg(long)]
+    teapot: bool,
 }
 
 /// Points that one thread makes at a time.
@@ -62,6 +65,7 @@ fn write(arguments: &Arguments) -> Result<(), SynthError> {
         seed: arguments.seed,
         share: arguments.share,
         twins: arguments.twins,
+        teapot: arguments.teapot,
     };
     let scene = Scene::new(recipe)?;
     if arguments.scene != Kind::Strips {
@@ -130,7 +134,7 @@ fn options(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> La
 }
 
 /// A count as people write it: 1000, 20M, 2G.
-fn count(text: &str) -> Result<u64, String> {
+pub(super) fn count(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let factor: u64 = match &text[digits.len()..] {
         "" => 1,

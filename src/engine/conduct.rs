@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::report;
 use crate::disk::{DirLock, Disk};
 use crate::format::inputs;
+use crate::format::las::LasError;
 use crate::stage::context::{Context, Stage};
 use crate::stage::distribute::distribute;
 use crate::stage::error::StageError;
@@ -136,8 +137,13 @@ fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
 
 /// Whether what is done is of use to the next run.
 fn may_go_on(error: &StageError) -> bool {
-    // A changed input is another conversion.
-    error.retry_can_help() && !matches!(error, StageError::InputChanged(_))
+    match error {
+        // A changed input is another conversion; one that is gone may come back,
+        // as a mount does.
+        StageError::InputChanged(_) => false,
+        StageError::Las(LasError::Changed { path, .. }) => !path.exists(),
+        error => error.retry_can_help(),
+    }
 }
 
 /// What a conversion leaves behind if nobody takes it away; also when it panics.

@@ -24,11 +24,14 @@ pub struct Recipe {
     pub share: f64,
     /// Make `duplicates` of pairs at one position each, instead of one crowd.
     pub twins: bool,
+    /// Make the dense middle of `town` a stone of 1 cm, and the country around it
+    /// 10 km wide: the teapot in the stadium, at its worst.
+    pub teapot: bool,
 }
 
 impl Recipe {
     pub fn new(kind: Kind, points: u64, seed: u64) -> Recipe {
-        Recipe { kind, points, seed, share: 0.2, twins: false }
+        Recipe { kind, points, seed, share: 0.2, twins: false, teapot: false }
     }
 }
 
@@ -95,6 +98,7 @@ impl Scene {
                 scene.aerial(0.01, Land::new(seed, 0.0), side_for(points, AERIAL))
             }
             Kind::Outliers => scene.aerial(0.01, Land::new(seed, 0.0), 400.0),
+            Kind::Town if recipe.teapot => scene.teapot(),
             Kind::Town => scene.town(),
             Kind::Strips => scene.strips(),
             Kind::Far => scene.far(),
@@ -245,6 +249,20 @@ impl Scene {
             let tripod = Tripod { seed, number, eye, columns, rows, view: VIEW };
             self.part(share, Source::Street { tripod, land });
         }
+    }
+
+    /// Half of the points on 10 km of country, half on a stone of 1 cm.
+    fn teapot(&mut self) {
+        const SIDE: f64 = 10_000.0;
+        const RADIUS: f64 = 0.004;
+        let Recipe { points, seed, .. } = self.recipe;
+        self.origin = UTM;
+        // As fine as 32 bits allow: the stone has a few thousand units.
+        self.tile("town", Lattice::uniform(0.000_002_5, UTM));
+        let aerial = points - points / 2;
+        let flight = Flight::new(Land::new(seed, 140.0), seed, [0.0; 2], SIDE, aerial, 1);
+        self.part(aerial, Source::Aerial { flight, first_line: 0 });
+        self.part(points / 2, Source::Shape { shape: Shape::Object { radius: RADIUS }, seed });
     }
 
     fn interior(&mut self) {

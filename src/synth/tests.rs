@@ -181,6 +181,18 @@ fn a_town_is_far_denser_in_its_middle() {
 }
 
 #[test]
+fn half_of_a_town_can_be_a_teapot() {
+    let recipe = Recipe { teapot: true, ..Recipe::new(Kind::Town, 40_000, 1) };
+    let places = positions(&Scene::new(recipe).unwrap().slice(0, u64::MAX, 0).unwrap(), 0);
+    let [x, y, _] = extent(&places);
+    // 10 km in units of 2.5 µm, nearly all that 32 bits hold.
+    assert!((3_900_000_000..4_294_000_000).contains(&x), "{x}");
+    assert!((3_900_000_000..4_294_000_000).contains(&y), "{y}");
+    let stone = places.iter().filter(|p| p.iter().all(|c| c.abs() < 4000)).count();
+    assert!((20_000..20_010).contains(&stone), "{stone} points in the middle centimetres");
+}
+
+#[test]
 fn strips_agree_on_one_fine_lattice() {
     let scene = scene(Kind::Strips, 40_000);
     assert_eq!(scene.tiles().len(), 4);

@@ -29,7 +29,7 @@ use crate::format::inputs::{InputsError, expand};
 use crate::format::las::LasError;
 use crate::format::potree::{Metadata, PotreeError};
 use octree::{Octree, Opened};
-pub use report::{Check, Comparison, Outcome, PositionError, Report};
+pub use report::{Check, Comparison, Outcome, PositionError, Report, grouped};
 pub use walk::Spacing;
 
 /// What is to be verified.

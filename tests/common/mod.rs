@@ -128,3 +128,5 @@ pub fn listing(folder: &Path) -> Vec<String> {
     names.sort();
     names
 }
+
+pub mod judge;

@@ -142,6 +142,18 @@ impl LasFile {
     /// out as LAS says for `header().point_format`. What was in `records` is
     /// replaced.
     pub fn read(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
+        self.read_slice(slice, records).map_err(|error| match error {
+            // What somebody writes to while it is read does not decode, but it
+            // is not damaged: read again, it may be fine. One that is gone still
+            // has its bytes.
+            LasError::Cut { .. } | LasError::Damaged { .. } if self.path().exists() => {
+                self.check_unchanged().err().unwrap_or(error)
+            }
+            error => error,
+        })
+    }
+
+    fn read_slice(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
         let end = slice.first.checked_add(u64::from(slice.points));
         if end.is_none_or(|end| end > self.header.points) {
             return Err(self.not_a_slice(slice));

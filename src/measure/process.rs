@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::io;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
@@ -27,25 +27,44 @@ const LOOK: Duration = Duration::from_millis(4);
 /// kernel's own clock.
 const TICKS: f64 = 100.0;
 
+/// How a command ended, and what it took until then.
+#[derive(Debug, Clone, Copy)]
+pub struct Ended {
+    pub run: Run,
+    pub status: ExitStatus,
+    /// Whether it was killed because its time was up.
+    pub late: bool,
+}
+
 /// Runs a command to its end; one that fails is an error.
 pub fn run(command: &mut Command) -> io::Result<Run> {
+    let ended = run_within(command, Duration::MAX)?;
+    if !ended.status.success() {
+        return Err(io::Error::other(format!("{command:?} ended with {}", ended.status)));
+    }
+    Ok(ended.run)
+}
+
+/// Runs a command to its end, whatever that is, or until its time is up.
+pub fn run_within(command: &mut Command, limit: Duration) -> io::Result<Ended> {
     let start = Instant::now();
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn()?;
     let id = Pid::from_child(&child);
-    let mut peak = 0;
+    let (mut peak, mut late) = (0, false);
     // Left as a zombie (NOWAIT), so that its times can still be read.
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     while waitid(WaitId::Pid(id), options)?.is_none() {
         peak = peak_memory(child.id()).unwrap_or(0).max(peak);
+        if start.elapsed() > limit && !late {
+            late = true;
+            child.kill()?;
+        }
         std::thread::sleep(LOOK);
     }
     let wall = start.elapsed().as_secs_f64();
     let cpu = processor_time(child.id())?;
     let status = child.wait()?;
-    if !status.success() {
-        return Err(io::Error::other(format!("{command:?} ended with {status}")));
-    }
-    Ok(Run { wall, cpu, peak })
+    Ok(Ended { run: Run { wall, cpu, peak }, status, late })
 }
 
 fn peak_memory(id: u32) -> Option<u64> {

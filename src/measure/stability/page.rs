@@ -1,0 +1,70 @@
+//! The table for people: lines of a terminal and a page of Markdown.
+
+use std::fmt::Write;
+
+use super::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Row, Table};
+use crate::verify::grouped;
+
+/// A row as a line of a terminal.
+pub fn plain(row: &Row) -> String {
+    let sampling = format!("{:?}", row.sampling).to_lowercase();
+    format!(
+        "{:26} {:>11} {sampling:8} {:7.2} s {:5.2} × {:5.2} × cpu {:6.0} MB {:5.2} ×  depth {:2} of {:2}  {}  {}",
+        row.scene,
+        grouped(row.points),
+        row.seconds,
+        row.seconds_times,
+        row.cpu_times,
+        row.peak_bytes as f64 / 1e6,
+        row.peak_times,
+        row.depth,
+        row.depth_asked,
+        if row.exact { "exact" } else { row.outcome.as_str() },
+        row.missed.join(", "),
+    )
+}
+
+/// The whole table.
+pub fn markdown(table: &Table) -> String {
+    let mut page = String::from(
+        "| scene | points | sampler | outcome | s | × terrain | CPU-s | × terrain | peak MB | × terrain | depth | asked | nodes | largest node | set aside | misses |\n\
+         |---|---:|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---|\n",
+    );
+    for row in &table.rows {
+        let aside: Vec<String> =
+            row.set_aside.iter().map(|(reason, points)| format!("{} {reason}s", grouped(*points))).collect();
+        let outcome = if row.exact { "exact" } else { row.outcome.as_str() };
+        let sampling = format!("{:?}", row.sampling).to_lowercase();
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            page,
+            "| {} | {} | {sampling} | {outcome} | {:.2} | {:.2} | {:.2} | {:.2} | {:.0} | {:.2} | {} | {} | {} | {} | {} | {} |",
+            row.scene,
+            grouped(row.points),
+            row.seconds,
+            row.seconds_times,
+            row.cpu_seconds,
+            row.cpu_times,
+            row.peak_bytes as f64 / 1e6,
+            row.peak_times,
+            row.depth,
+            row.depth_asked,
+            grouped(row.nodes),
+            grouped(u64::from(row.largest_node)),
+            aside.join(", "),
+            row.missed.join(", "),
+        );
+    }
+    let missed = table.rows.iter().filter(|row| !row.missed.is_empty()).count();
+    let _ = write!(
+        page,
+        "\nlodestone {}, {} threads, medians of {}. Targets: exact, time (wall and processor) at most {MOST_TIME} × \
+         and peak memory at most {MOST_MEMORY} × those of terrain with as many points, depth at most what \
+         the cloud asks for and {MOST_LEVELS}. {missed} of {} rows miss one.\n",
+        table.version,
+        table.threads,
+        table.rounds,
+        table.rows.len()
+    );
+    page
+}

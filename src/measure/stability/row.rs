@@ -1,0 +1,185 @@
+//! One row: a scene by one sampler, in turns with the benign scene.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::cases::Case;
+use super::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Place, Result, StabilityError, Wishes};
+use crate::format::potree::{self, Metadata};
+use crate::measure::process::{self, Ended, Run, spread};
+use crate::stage::options::Sampling;
+
+/// What became of a scene. Costs are medians; "times" is the multiple of what
+/// the benign scene took in the same minutes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    pub scene: String,
+    pub points: u64,
+    pub sampling: Sampling,
+    /// `done`, or why not.
+    pub outcome: String,
+    /// Whether octree and set aside were found to be the input, and the positions
+    /// where the input has them.
+    pub exact: bool,
+    pub seconds: f64,
+    pub seconds_times: f64,
+    pub cpu_seconds: f64,
+    pub cpu_times: f64,
+    pub peak_bytes: u64,
+    pub peak_times: f64,
+    pub depth: u32,
+    /// What the cloud asks for by itself (see `depth::asked`).
+    pub depth_asked: u32,
+    pub nodes: u64,
+    /// Points of the largest node.
+    pub largest_node: u32,
+    pub set_aside: BTreeMap<String, u64>,
+    /// Targets that it missed.
+    pub missed: Vec<String>,
+}
+
+/// A conversion that takes so many times as long as the benign one hangs, as far
+/// as a user can tell.
+const MOST_PATIENCE: f64 = 50.0;
+
+pub fn measure(
+    wishes: &Wishes,
+    case: &Case,
+    sampling: Sampling,
+    place: &Place,
+    depth_asked: u32,
+    say: &dyn Fn(String),
+) -> Result<Row> {
+    let (mut benign, mut own): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
+    let mut last = None;
+    for round in 0..wishes.rounds.max(1) {
+        say(format!("{}, {sampling:?}: round {} of {}", case.title, round + 1, wishes.rounds));
+        let first = convert(wishes, sampling, &place.benign(), place, Duration::MAX)?;
+        benign.push(first.run);
+        let patience = Duration::from_secs_f64(60.0 + MOST_PATIENCE * first.run.wall);
+        let ended = convert(wishes, sampling, &place.cloud(), place, patience)?;
+        own.push(ended.run);
+        let failed = !matches!(ended.status.code(), Some(0 | 3));
+        last = Some(ended);
+        if failed {
+            break;
+        }
+    }
+    let median = |runs: &[Run], of: fn(&Run) -> f64| spread(runs.iter().map(of)).median;
+    let times = |of: fn(&Run) -> f64| median(&own, of) / median(&benign, of);
+    let mut row = Row {
+        scene: case.title.clone(),
+        points: case.recipe.points,
+        sampling,
+        outcome: last.map_or(String::new(), |ended| outcome(ended, &place.words())),
+        exact: false,
+        seconds: median(&own, |run| run.wall),
+        seconds_times: times(|run| run.wall),
+        cpu_seconds: median(&own, |run| run.cpu),
+        cpu_times: times(|run| run.cpu),
+        peak_bytes: median(&own, |run| run.peak as f64) as u64,
+        peak_times: times(|run| run.peak as f64),
+        depth: 0,
+        depth_asked,
+        nodes: 0,
+        largest_node: 0,
+        set_aside: BTreeMap::new(),
+        missed: Vec::new(),
+    };
+    if row.outcome == "done" {
+        say(format!("{}, {sampling:?}: held against its input", case.title));
+        row.look(wishes, place)?;
+    }
+    row.judge();
+    Ok(row)
+}
+
+fn convert(
+    wishes: &Wishes,
+    sampling: Sampling,
+    cloud: &Path,
+    place: &Place,
+    patience: Duration,
+) -> Result<Ended> {
+    let fault = |what: &str, source| StabilityError::Run { what: what.to_string(), source };
+    let words = File::create(place.words()).map_err(|source| fault("the conversion", source))?;
+    let mut command = Command::new(&wishes.program);
+    command.args(["convert", "--overwrite", "--progress", "json", "--log", "warn", "-m"]);
+    command.arg(format!("{sampling:?}").to_lowercase());
+    command.args(["--threads", &wishes.threads.to_string()]);
+    command.arg(cloud).arg("-o").arg(place.octree()).stderr(words);
+    process::run_within(&mut command, patience).map_err(|source| fault("the conversion", source))
+}
+
+/// In a word, or in those that the program had for it.
+fn outcome(ended: Ended, words: &Path) -> String {
+    match ended.status.code() {
+        Some(0 | 3) => "done".to_string(),
+        _ if ended.late => format!("not done after {:.0} s", ended.run.wall),
+        _ => {
+            let text = fs::read_to_string(words).unwrap_or_default();
+            let last = text.lines().rev().find(|line| line.starts_with("lodestone:"));
+            last.map_or_else(|| ended.status.to_string(), str::to_string)
+        }
+    }
+}
+
+impl Row {
+    /// Fills in what the octree and its verification tell.
+    fn look(&mut self, wishes: &Wishes, place: &Place) -> Result<()> {
+        let octree = place.octree();
+        let metadata = Metadata::read(&octree)?;
+        let path = octree.join(potree::HIERARCHY);
+        let bytes = fs::read(&path).map_err(|source| StabilityError::Folder { path, source })?;
+        let nodes = potree::read_hierarchy(&bytes, metadata.hierarchy.first_chunk_size)?;
+        self.depth = metadata.hierarchy.depth;
+        self.nodes = nodes.len() as u64;
+        self.largest_node = nodes.iter().map(|node| node.points).max().unwrap_or(0);
+
+        let words = fs::read_to_string(place.words()).unwrap_or_default();
+        let last = words.lines().rev().find(|line| line.starts_with('{')).unwrap_or_default();
+        let told: serde_json::Value = serde_json::from_str(last).unwrap_or_default();
+        if let Some(aside) = told["outcome"]["set_aside"].as_object() {
+            let counts = aside.iter().filter_map(|(reason, n)| Some((reason.clone(), n.as_u64()?)));
+            self.set_aside = counts.collect();
+        }
+        let verified = Command::new(&wishes.program)
+            .args(["verify", "--json", "--threads", &wishes.threads.to_string()])
+            .arg(&octree)
+            .arg("--against")
+            .arg(place.cloud())
+            .output()
+            .map_err(|source| StabilityError::Run { what: "the verification".to_string(), source })?;
+        let report: serde_json::Value = serde_json::from_slice(&verified.stdout).unwrap_or_default();
+        let against = &report["against"];
+        self.exact = report["ok"] == true
+            && against["missing"] == 0
+            && against["extra"] == 0
+            && against["position"]["octree_units"] == 0.0;
+        Ok(())
+    }
+
+    fn judge(&mut self) {
+        let mut missed = Vec::new();
+        if self.outcome != "done" {
+            missed.push("not done".to_string());
+        } else if !self.exact {
+            missed.push("not exact".to_string());
+        }
+        if self.seconds_times > MOST_TIME && self.cpu_times > MOST_TIME {
+            missed.push(format!("time {:.1} ×", self.seconds_times));
+        }
+        if self.peak_times > MOST_MEMORY {
+            missed.push(format!("memory {:.1} ×", self.peak_times));
+        }
+        if self.depth > self.depth_asked + MOST_LEVELS {
+            missed.push(format!("{} levels more", self.depth - self.depth_asked));
+        }
+        self.missed = missed;
+    }
+}

@@ -1,0 +1,51 @@
+//! `lodestone report --stability`, with scenes so small that it takes seconds.
+
+use std::fs;
+use std::process::Command;
+
+#[test]
+fn the_stability_table_has_a_row_for_each_scene_and_sampler_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("temp")).unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+        .args(["report", "--stability", "--points", "20k", "--rounds", "1", "--scenes", "terrain,dot,strips"])
+        .arg("--temp-dir")
+        .arg(at("temp"))
+        .arg("-o")
+        .arg(at("table.md"))
+        .arg("--json")
+        .arg(at("table.json"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(0), "{said}");
+    assert_eq!(fs::read_dir(at("temp")).unwrap().count(), 0, "temporary files stay");
+
+    let table: serde_json::Value = serde_json::from_slice(&fs::read(at("table.json")).unwrap()).unwrap();
+    let rows = table["rows"].as_array().unwrap();
+    let named: Vec<String> = rows.iter().map(|row| format!("{} {}", row["scene"], row["sampling"])).collect();
+    let expected = ["terrain", "dot", "strips"]
+        .map(|scene| ["poisson", "random"].map(|sampling| format!("\"{scene}\" \"{sampling}\"")))
+        .concat();
+    assert_eq!(named, expected);
+    for row in rows {
+        assert_eq!((&row["outcome"], &row["exact"]), (&"done".into(), &true.into()), "{row}");
+        assert!(
+            row["seconds_times"].as_f64().unwrap() > 0.0 && row["peak_bytes"].as_u64().unwrap() > 1 << 20
+        );
+        let points = row["largest_node"].as_u64().unwrap();
+        assert!(points > 0 && points <= 20_000, "{row}");
+    }
+    assert_eq!(rows[2]["set_aside"]["duplicate"], 10_000);
+    assert_eq!(rows[0]["set_aside"].as_object().unwrap().len(), 0);
+    assert_eq!((&rows[2]["depth"], &rows[2]["depth_asked"]), (&0.into(), &0.into()));
+
+    let printed = String::from_utf8_lossy(&run.stdout);
+    assert_eq!(printed.lines().count(), rows.len(), "{printed}");
+    let page = fs::read_to_string(at("table.md")).unwrap();
+    assert!(
+        page.contains("| dot | 20 000 | poisson | exact |") && page.contains("10 000 duplicates"),
+        "{page}"
+    );
+}
