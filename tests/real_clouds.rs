@@ -141,7 +141,8 @@ fn malformed_files_end_in_truth_or_a_clear_error() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(start.elapsed() < Duration::from_secs(60), "{name}");
         match output.status.code() {
-            Some(0) => assert!(report(&octree, &[&file]).ok, "{name}"),
+            // 3: with points set aside, which the verifier counts in.
+            Some(0 | 3) => assert!(report(&octree, &[&file]).ok, "{name}"),
             Some(1) => {
                 assert!(said.contains(&name), "{name}: {said}");
                 assert!(!said.contains("panicked"), "{name}: {said}");
