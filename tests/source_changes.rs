@@ -90,7 +90,8 @@ fn every_change_is_noticed(compressed: bool, memory: u64) {
             });
             let error = error.expect("the change was made in time once");
             assert!(error.contains("cloud.la"), "{stage:?}, {word}: {error}");
-            let reason = error.contains(word) || error.contains("became shorter");
+            // Points that are not where they were counted may show it first.
+            let reason = [word, "became shorter", "let the copy finish"].iter().any(|r| error.contains(r));
             assert!(error.contains("changed while it was") && reason, "{stage:?}, {word}: {error}");
         }
     }
