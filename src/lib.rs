@@ -32,6 +32,9 @@ pub mod metrics;
 // Bytes of other people's formats.
 pub mod format;
 
+// Pictures of what came out.
+pub mod render;
+
 // Work on whole clouds.
 pub mod stage;
 pub mod synth;

@@ -4,6 +4,7 @@ mod config;
 mod convert;
 mod info;
 mod jobs;
+mod preview;
 mod progress;
 mod report;
 mod serve;
@@ -48,6 +49,7 @@ enum LogFormat {
 enum Command {
     Convert(convert::Arguments),
     Verify(verify::Arguments),
+    Preview(preview::Arguments),
     Info(info::Arguments),
     Serve(serve::Arguments),
     Config(config::Arguments),
@@ -63,6 +65,7 @@ pub fn run() -> ExitCode {
     let exit = match arguments.command {
         Command::Convert(arguments) => convert::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
+        Command::Preview(arguments) => preview::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Config(arguments) => config::run(arguments),

@@ -15,6 +15,7 @@ pub mod merge;
 pub mod nodes;
 pub mod options;
 pub mod output;
+pub mod preview;
 pub mod publish;
 pub mod receipt;
 pub mod region;

@@ -168,38 +168,61 @@ pub fn read_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<Vec<Node>> 
 /// no record is read twice, so that proxies that point in circles end as an
 /// error.
 pub fn inspect_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<(Vec<Node>, Vec<Oddity>)> {
-    let mut reader = Reader { bytes, nodes: Vec::new(), oddities: Vec::new(), unread: bytes.len() / RECORD };
-    let mut proxies = vec![Proxy { name: NodeName::ROOT, record: None, start: 0, size: first_chunk_size }];
-    while let Some(proxy) = proxies.pop() {
-        reader.chunk(&proxy, &mut proxies)?;
+    let mut found = Chunks { proxies: vec![Proxy::first(first_chunk_size)], ..Chunks::default() };
+    // Records that no chunk has claimed yet.
+    let mut unread = bytes.len() / RECORD;
+    while let Some(chunk) = found.proxies.pop() {
+        let records = claim(bytes, &chunk, &mut unread)?;
+        found.add(&chunk, records)?;
     }
-    let unused = (reader.unread * RECORD + bytes.len() % RECORD) as u64;
+    let unused = (unread * RECORD + bytes.len() % RECORD) as u64;
     if unused > 0 {
-        reader.oddities.push(Oddity::Unused { bytes: unused });
+        found.oddities.push(Oddity::Unused { bytes: unused });
     }
-    reader.nodes.sort_unstable_by_key(|node| node.name);
-    Ok((reader.nodes, reader.oddities))
+    found.nodes.sort_unstable_by_key(|node| node.name);
+    Ok((found.nodes, found.oddities))
 }
 
-/// A chunk still to be read, and what its proxy said of its root.
-struct Proxy {
-    name: NodeName,
+/// A chunk still to be read: where it lies in hierarchy.bin, in bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Proxy {
+    /// The root of the chunk.
+    pub name: NodeName,
+    pub start: u64,
+    pub size: u64,
+    /// The mask and the number of points that the proxy itself gives.
     record: Option<(u8, u32)>,
-    start: u64,
-    size: u64,
 }
 
-struct Reader<'a> {
-    bytes: &'a [u8],
+impl Proxy {
+    /// The chunk of the root.
+    pub fn first(first_chunk_size: u64) -> Proxy {
+        Proxy { name: NodeName::ROOT, record: None, start: 0, size: first_chunk_size }
+    }
+}
+
+/// One chunk of hierarchy.bin for those who need only a part of the tree: its
+/// nodes, breadth first, and where it goes on. `records` are the bytes that
+/// `chunk` points at.
+pub fn read_chunk(chunk: &Proxy, records: &[u8]) -> Result<(Vec<Node>, Vec<Proxy>)> {
+    let mut parsed = Chunks::default();
+    parsed.add(chunk, records)?;
+    Ok((parsed.nodes, parsed.proxies))
+}
+
+/// What was found in the chunks read so far.
+#[derive(Default)]
+struct Chunks {
     nodes: Vec<Node>,
+    proxies: Vec<Proxy>,
     oddities: Vec<Oddity>,
-    /// Records that no chunk has claimed yet.
-    unread: usize,
 }
 
-impl<'a> Reader<'a> {
-    fn chunk(&mut self, chunk: &Proxy, proxies: &mut Vec<Proxy>) -> Result<()> {
-        let records = self.claim(chunk)?;
+impl Chunks {
+    fn add(&mut self, chunk: &Proxy, records: &[u8]) -> Result<()> {
+        if records.is_empty() || !records.len().is_multiple_of(RECORD) {
+            return Err(damaged(chunk, "its size is not a whole number of records"));
+        }
         let mut names = Vec::with_capacity(records.len() / RECORD);
         names.push(chunk.name);
         for (index, record) in records.chunks_exact(RECORD).enumerate() {
@@ -216,7 +239,7 @@ impl<'a> Reader<'a> {
                         self.oddities.push(Oddity::ProxyLevel { node: name });
                     }
                     let record = Some((node.child_mask, node.points));
-                    proxies.push(Proxy { name, record, start: node.offset, size: node.size });
+                    self.proxies.push(Proxy { name, record, start: node.offset, size: node.size });
                     continue;
                 }
                 NORMAL | LEAF => {
@@ -237,21 +260,6 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The bytes of a chunk, claimed so that no other chunk can have as many.
-    fn claim(&mut self, chunk: &Proxy) -> Result<&'a [u8]> {
-        let end = chunk.start.checked_add(chunk.size).filter(|&end| end <= self.bytes.len() as u64);
-        let (Ok(start), Some(Ok(end))) = (usize::try_from(chunk.start), end.map(usize::try_from)) else {
-            return Err(damaged(chunk, &format!("it ends behind the file's {} bytes", self.bytes.len())));
-        };
-        let records = &self.bytes[start..end];
-        if records.is_empty() || !records.len().is_multiple_of(RECORD) {
-            return Err(damaged(chunk, "its size is not a whole number of records"));
-        }
-        self.unread = (self.unread.checked_sub(records.len() / RECORD))
-            .ok_or_else(|| damaged(chunk, "chunks overlap or point in circles"))?;
-        Ok(records)
-    }
-
     fn compare_with_proxy(&mut self, chunk: &Proxy, root: &Node) {
         let Some((mask, points)) = chunk.record else { return };
         let node = root.name;
@@ -262,6 +270,17 @@ impl<'a> Reader<'a> {
             self.oddities.push(Oddity::ProxyPoints { node, proxy: points, chunk: root.points });
         }
     }
+}
+
+/// The bytes of a chunk, claimed so that no other chunk can have as many.
+fn claim<'a>(bytes: &'a [u8], chunk: &Proxy, unread: &mut usize) -> Result<&'a [u8]> {
+    let end = chunk.start.checked_add(chunk.size).filter(|&end| end <= bytes.len() as u64);
+    let (Ok(start), Some(Ok(end))) = (usize::try_from(chunk.start), end.map(usize::try_from)) else {
+        return Err(damaged(chunk, &format!("it ends behind the file's {} bytes", bytes.len())));
+    };
+    *unread = (unread.checked_sub((end - start) / RECORD))
+        .ok_or_else(|| damaged(chunk, "chunks overlap or point in circles"))?;
+    Ok(&bytes[start..end])
 }
 
 fn parse_record(name: NodeName, record: &[u8]) -> (u8, Node) {

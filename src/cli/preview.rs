@@ -1,0 +1,104 @@
+//! `lodestone preview`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::Exit;
+use crate::disk::Disk;
+use crate::render::colour::ColorBy;
+use crate::render::framing::View;
+use crate::render::studio::Quality;
+use crate::stage::context::{Cancel, Context, Progress};
+use crate::stage::machine;
+use crate::stage::preview::{Options, Still, Turntable, preview};
+
+/// Draw a thumbnail, an overview and a turntable of an octree; no display, driver or viewer needed
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The octree's folder, of Lodestone's or PotreeConverter's making
+    octree: PathBuf,
+    /// Folder to write the pictures into; `preview` within the octree's if not given
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// A picture of this size instead of thumbnail and overview, as in 800x600; may be repeated
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Vec<[u32; 2]>,
+    /// Pictures of the turntable; 0 for none
+    #[arg(long, default_value_t = 36, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=720))]
+    frames: u32,
+    /// What to colour by
+    #[arg(long, ignore_case = true, default_value = "auto", value_name = "WHAT")]
+    color: ColorBy,
+    /// From where to look at it
+    #[arg(long, ignore_case = true, default_value = "overview", value_name = "VIEW")]
+    view: View,
+    /// Points to draw at most, in each picture
+    #[arg(long, default_value_t = Quality::default().budget, value_name = "POINTS")]
+    budget: u64,
+    /// Leave the background out
+    #[arg(long)]
+    transparent: bool,
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+    /// Threads to work with; all that the machine or container grants if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+pub fn run(arguments: Arguments) -> Exit {
+    let threads = arguments.threads.map_or_else(machine::threads, usize::from);
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool,
+        Err(error) => return super::failed(&error),
+    };
+    let into = arguments.output.unwrap_or_else(|| arguments.octree.join("preview"));
+    let mut options = Options {
+        color: arguments.color,
+        view: arguments.view,
+        budget: arguments.budget,
+        transparent: arguments.transparent,
+        ..Options::default()
+    };
+    if !arguments.size.is_empty() {
+        let still = |&[w, h]: &[u32; 2]| Still { name: format!("{w}x{h}"), role: "overview", size: [w, h] };
+        options.stills = arguments.size.iter().map(still).collect();
+    }
+    options.turntable =
+        (arguments.frames > 0).then_some(Turntable { size: [512, 512], frames: arguments.frames });
+    let context = Context {
+        disk: Disk::new(),
+        scratch: into.clone(),
+        threads,
+        memory_limit: machine::default_memory_limit(),
+        cancel: Cancel::default(),
+        progress: Arc::new(Progress::default()),
+    };
+    let made = match pool.install(|| preview(&arguments.octree, &into, &options, &context)) {
+        Ok(made) => made,
+        Err(error) => return super::failed(&error),
+    };
+    if arguments.json {
+        match serde_json::to_string_pretty(&made) {
+            Ok(json) => println!("{json}"),
+            Err(error) => return super::failed(&error),
+        }
+        return Exit::Done;
+    }
+    println!("{} by {}, {:.2} s", into.display(), made.shows, made.seconds);
+    for asset in &made.assets {
+        let size = format!("{}x{}", asset.width, asset.height);
+        let (points, kib) = (asset.effort.points, asset.bytes / 1024);
+        println!("  {:15} {size:>9}  {points:>9} points  {kib:>5} KiB  {:.2} s", asset.href, asset.seconds);
+    }
+    Exit::Done
+}
+
+/// A size in pixels, as in 800x600.
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    match sides {
+        Some(size) if size.iter().all(|side| (16..=8192).contains(side)) => Ok(size),
+        _ => Err(format!("{text:?} is no size; write it as 800x600, each side 16 to 8192 pixels")),
+    }
+}

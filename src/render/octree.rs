@@ -1,0 +1,156 @@
+//! A finished octree, read by the node and no further: the hierarchy by the
+//! chunk of four levels, the points by the byte range. A picture of a thousand
+//! million points opens as many chunks as it has to look at, not all of them.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::error::{RenderError, Result};
+use crate::cloud::attribute::Schema;
+use crate::format::potree::{
+    self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, encoding::LARGEST_NODE,
+};
+
+/// An octree that is open for reading.
+pub struct Octree {
+    pub folder: PathBuf,
+    pub metadata: Metadata,
+    pub schema: Schema,
+    hierarchy: File,
+    hierarchy_bytes: u64,
+    points: File,
+    nodes: HashMap<NodeName, Node>,
+    proxies: HashMap<NodeName, Proxy>,
+    /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
+    unclaimed: u64,
+    bytes_read: AtomicU64,
+}
+
+impl Octree {
+    /// Opens the octree in a folder, ours or PotreeConverter's.
+    pub fn open(folder: &Path) -> Result<Octree> {
+        let of_octree = |source| RenderError::Octree { folder: folder.to_path_buf(), source };
+        let metadata = Metadata::read(folder).map_err(of_octree)?;
+        let schema = metadata.schema().map_err(of_octree)?;
+        let (hierarchy, hierarchy_bytes) = open(&folder.join(potree::HIERARCHY))?;
+        let (points, _) = open(&folder.join(potree::OCTREE))?;
+        let first = Proxy::first(metadata.hierarchy.first_chunk_size);
+        let octree = Octree {
+            folder: folder.to_path_buf(),
+            metadata,
+            schema,
+            hierarchy,
+            hierarchy_bytes,
+            points,
+            nodes: HashMap::new(),
+            proxies: HashMap::from([(NodeName::ROOT, first)]),
+            unclaimed: hierarchy_bytes,
+            bytes_read: AtomicU64::new(0),
+        };
+        if octree.metadata.points == 0 {
+            return Err(RenderError::Nothing { folder: folder.to_path_buf() });
+        }
+        Ok(octree)
+    }
+
+    /// The node of a name; `None` where there is none. Opens its chunk of the
+    /// hierarchy where that was not looked at yet.
+    pub fn node(&mut self, name: NodeName) -> Result<Option<Node>> {
+        if let Some(proxy) = self.proxies.remove(&name) {
+            let records = self.chunk_bytes(&proxy)?;
+            let (nodes, proxies) =
+                potree::read_chunk(&proxy, &records).map_err(|source| self.damaged(source))?;
+            self.nodes.extend(nodes.into_iter().map(|node| (node.name, node)));
+            self.proxies.extend(proxies.into_iter().map(|proxy| (proxy.name, proxy)));
+        }
+        Ok(self.nodes.get(&name).copied())
+    }
+
+    fn chunk_bytes(&mut self, proxy: &Proxy) -> Result<Vec<u8>> {
+        let end = proxy.start.checked_add(proxy.size);
+        let left = self.unclaimed.checked_sub(proxy.size);
+        let (Some(left), true) = (left, end.is_some_and(|end| end <= self.hierarchy_bytes)) else {
+            let what = format!("the chunk of node {} ends behind the file, or chunks overlap", proxy.name);
+            return Err(self.damaged(PotreeError::Hierarchy(what)));
+        };
+        self.unclaimed = left;
+        let mut bytes = vec![0; proxy.size as usize];
+        self.hierarchy
+            .read_exact_at(&mut bytes, proxy.start)
+            .map_err(|source| RenderError::Read { path: self.folder.join(potree::HIERARCHY), source })?;
+        self.bytes_read.fetch_add(proxy.size, Ordering::Relaxed);
+        Ok(bytes)
+    }
+
+    /// The records of the first `take` points of a node as it is stored.
+    /// Compressed nodes are read whole, as there is no other way.
+    pub fn records(&self, node: &Node, take: u32) -> Result<Vec<u8>> {
+        let size = match self.metadata.encoding {
+            Encoding::Default => u64::from(take.min(node.points)) * self.schema.record_size() as u64,
+            Encoding::Brotli => node.size,
+        };
+        if size > LARGEST_NODE || size > node.size {
+            let what =
+                format!("node {} is said to hold {} points in {} bytes", node.name, node.points, node.size);
+            return Err(self.damaged(PotreeError::Points(what)));
+        }
+        let mut bytes = vec![0; size as usize];
+        self.points
+            .read_exact_at(&mut bytes, node.offset)
+            .map_err(|source| RenderError::Read { path: self.folder.join(potree::OCTREE), source })?;
+        self.bytes_read.fetch_add(size, Ordering::Relaxed);
+        match self.metadata.encoding {
+            Encoding::Default => Ok(bytes),
+            Encoding::Brotli => decode_node(&self.schema, Encoding::Brotli, node.points, &bytes)
+                .map_err(|source| self.damaged(source)),
+        }
+    }
+
+    /// The world position of a record.
+    pub fn position(&self, record: &[u8]) -> [f64; 3] {
+        let (scale, offset) = (&self.metadata.scale, &self.metadata.offset);
+        std::array::from_fn(|i| {
+            let bytes = record.get(4 * i..).and_then(|bytes| bytes.first_chunk());
+            let stored = bytes.map_or(0, |bytes| i32::from_le_bytes(*bytes));
+            f64::from(stored) * scale[i] + offset[i]
+        })
+    }
+
+    fn damaged(&self, source: PotreeError) -> RenderError {
+        RenderError::Octree { folder: self.folder.clone(), source }
+    }
+
+    /// Whether any prefix of a node's points is an even subsample of it.
+    pub fn has_prefixes(&self) -> bool {
+        let ours = self.metadata.generator.as_ref().is_some_and(|made| made.name == "lodestone");
+        ours && self.metadata.encoding == Encoding::Default
+    }
+
+    /// Bytes of hierarchy and points that were read so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.bytes_read.load(Ordering::Relaxed)
+    }
+
+    /// The cube of a node, in world units: its lower corner and its side.
+    pub fn cube(&self, name: NodeName) -> ([f64; 3], f64) {
+        let root = &self.metadata.bounding_box;
+        let side = (root.max[0] - root.min[0]) / 2f64.powi(i32::from(name.level()));
+        let cell = name.cell();
+        (std::array::from_fn(|axis| root.min[axis] + cell[axis] as f64 * side), side)
+    }
+
+    /// Spacing of a level, in world units.
+    pub fn spacing(&self, level: u8) -> f64 {
+        self.metadata.spacing / 2f64.powi(i32::from(level))
+    }
+}
+
+fn open(path: &Path) -> Result<(File, u64)> {
+    let failed = |source| RenderError::Read { path: path.to_path_buf(), source };
+    let file = File::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    Ok((file, length))
+}

@@ -1,0 +1,146 @@
+//! From chosen nodes to splats: positions from a centre, colours, and each
+//! splat's radius from the spacing of the points around it.
+//!
+//! Points of a coarse node lie among those of finer ones, and are drawn as
+//! small as they are (Schütz 2016, adaptive point sizes): each point belongs to
+//! the deepest drawn node that it lies in, and that node's own density says how
+//! far apart the points there are.
+
+use rayon::prelude::*;
+
+use super::colour::Painter;
+use super::error::Result;
+use super::frame::{Splat, radius_code};
+use super::octree::Octree;
+use super::select::{Chosen, POISSON_DENSITY};
+
+/// A disc of this many spacings around each point leaves hardly a gap between
+/// points of a Poisson-disk set.
+const COVER: f64 = 0.75;
+/// Cells an axis in which a node's occupied space is counted.
+const CELLS: usize = 8;
+
+/// What is drawn, in memory.
+pub struct Scene {
+    /// Node by node.
+    pub splats: Vec<Splat>,
+    /// What the splats' positions are counted from, in world units.
+    pub centre: [f64; 3],
+    /// Radius around the centre that holds every splat.
+    pub reach: f64,
+    /// Radius of radius code 0, in world units.
+    pub largest: f64,
+}
+
+/// The part of the space of a node that no drawn child covers, and what lies
+/// in it.
+#[derive(Clone, Copy)]
+struct Region {
+    points: u32,
+    /// A bit for each of the 8³ cells of the node.
+    occupied: [u64; CELLS],
+}
+
+impl Scene {
+    /// Reads the chosen nodes.
+    pub fn load(octree: &Octree, chosen: &[Chosen], painter: &Painter, centre: [f64; 3]) -> Result<Scene> {
+        let parts: Vec<(Vec<Splat>, Vec<u32>, Vec<u16>)> = (0..chosen.len() as u32)
+            .into_par_iter()
+            .map(|place| load_node(octree, chosen, place, painter, centre))
+            .collect::<Result<_>>()?;
+        let mut regions = vec![Region { points: 0, occupied: [0; CELLS] }; chosen.len()];
+        for (_, places, cells) in &parts {
+            for (&place, &cell) in places.iter().zip(cells) {
+                let region = &mut regions[place as usize];
+                region.points += 1;
+                region.occupied[usize::from(cell) / 64] |= 1 << (cell % 64);
+            }
+        }
+        // No splat is larger than a leaf of a cloud of a few points asks for.
+        let largest = octree.spacing(0) * 32.0;
+        let codes: Vec<u8> = chosen
+            .iter()
+            .zip(&regions)
+            .map(|(chosen, region)| radius_code(COVER * spacing(octree, chosen, region), largest))
+            .collect();
+        let mut splats = Vec::with_capacity(parts.iter().map(|part| part.0.len()).sum());
+        for (part, places, _) in parts {
+            let sized = part.into_iter().zip(places).map(|(mut splat, place)| {
+                splat.paint |= u32::from(codes[place as usize]) << 24;
+                splat
+            });
+            splats.extend(sized);
+        }
+        let square = |s: &Splat| s.position.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>();
+        let reach = splats.iter().map(square).fold(0.0, f64::max).sqrt();
+        Ok(Scene { splats, centre, reach, largest })
+    }
+}
+
+/// The splats of a node, the region of each, and its cell there.
+fn load_node(
+    octree: &Octree,
+    chosen: &[Chosen],
+    place: u32,
+    painter: &Painter,
+    centre: [f64; 3],
+) -> Result<(Vec<Splat>, Vec<u32>, Vec<u16>)> {
+    let Chosen { node, take, .. } = &chosen[place as usize];
+    if *take == 0 {
+        return Ok(Default::default());
+    }
+    let records = octree.records(node, *take)?;
+    let record_size = octree.schema.record_size();
+    let root = octree.cube(node.name);
+    let mut splats = Vec::with_capacity(*take as usize);
+    let (mut places, mut cells) = (Vec::with_capacity(*take as usize), Vec::with_capacity(*take as usize));
+    for record in records.chunks_exact(record_size) {
+        let position = octree.position(record);
+        if !position.iter().all(|c| c.is_finite()) {
+            continue;
+        }
+        let [r, g, b] = painter.paint(record, position[2]).map(u32::from);
+        splats.push(Splat {
+            position: std::array::from_fn(|i| (position[i] - centre[i]) as f32),
+            paint: r | g << 8 | b << 16,
+        });
+        let (place, cell) = region_of(chosen, place, root, position);
+        places.push(place);
+        cells.push(cell);
+    }
+    Ok((splats, places, cells))
+}
+
+/// The deepest drawn node that holds a point, down from one that does, and the
+/// cell of that node's 8³.
+fn region_of(chosen: &[Chosen], mut place: u32, cube: ([f64; 3], f64), position: [f64; 3]) -> (u32, u16) {
+    let (mut corner, mut side) = cube;
+    loop {
+        let half = side / 2.0;
+        let upper: [bool; 3] = std::array::from_fn(|i| position[i] >= corner[i] + half);
+        let digit = usize::from(upper[0]) << 2 | usize::from(upper[1]) << 1 | usize::from(upper[2]);
+        let Some(child) = chosen[place as usize].children[digit] else { break };
+        (0..3).filter(|&i| upper[i]).for_each(|i| corner[i] += half);
+        (place, side) = (child, half);
+    }
+    let scale = CELLS as f64 / side;
+    let cell: [u16; 3] =
+        std::array::from_fn(|i| (((position[i] - corner[i]) * scale) as u16).min(CELLS as u16 - 1));
+    (place, cell[0] << 6 | cell[1] << 3 | cell[2])
+}
+
+/// How far apart the points of a region are, in world units: a surface that
+/// passes through so many cells and holds so many points.
+fn spacing(octree: &Octree, chosen: &Chosen, region: &Region) -> f64 {
+    let level = octree.spacing(chosen.node.name.level());
+    if region.points == 0 {
+        return level;
+    }
+    let cell = octree.cube(chosen.node.name).1 / CELLS as f64;
+    let occupied: u32 = region.occupied.iter().map(|bits| bits.count_ones()).sum();
+    let density = f64::from(region.points) / f64::from(occupied);
+    let apart = cell * (POISSON_DENSITY / density).sqrt();
+    // A few points in a large node are stragglers, not a surface of big splats.
+    let trusted = 2.0 + f64::from(region.points.min(480)) / 16.0;
+    apart.clamp(level / 16.0, level * trusted.min(CELLS as f64 * 2.0))
+}

@@ -1,0 +1,132 @@
+//! One octree before the camera: stills and turntables of it.
+
+use std::path::Path;
+
+use super::camera::Shot;
+use super::colour::{ColorBy, Painter};
+use super::cpu::Cpu;
+use super::error::Result;
+use super::frame::{Background, Drawing, Picture, Shading};
+use super::framing::{View, frame};
+use super::octree::Octree;
+use super::sample::Sample;
+use super::scene::Scene;
+use super::select::{Wanted, select};
+
+/// How good a picture is, and what it may cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quality {
+    /// Distance of neighbouring points in the picture, in pixels; 0 for all
+    /// points that there are.
+    pub spacing: f64,
+    /// Points to draw at most.
+    pub budget: u64,
+    pub shading: Shading,
+    pub background: Background,
+}
+
+impl Default for Quality {
+    fn default() -> Quality {
+        let shading = Shading::default();
+        Quality { spacing: 0.7, budget: 2_000_000, shading, background: Background::CALM }
+    }
+}
+
+impl Quality {
+    /// Every point of the cloud: what the others are measured against.
+    pub fn full() -> Quality {
+        Quality { spacing: 0.0, budget: u64::MAX, ..Quality::default() }
+    }
+}
+
+/// What was looked at for a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+pub struct Effort {
+    pub nodes: u64,
+    pub points: u64,
+    /// Bytes read for it, of hierarchy and points.
+    pub bytes: u64,
+}
+
+/// An octree, a first look at it, and a renderer.
+pub struct Studio {
+    octree: Octree,
+    sample: Sample,
+    painter: Painter,
+    renderer: Cpu,
+}
+
+/// The points of a picture, or of all pictures of a turntable.
+struct Set {
+    scene: Scene,
+    effort: Effort,
+}
+
+impl Studio {
+    pub fn open(folder: &Path, by: ColorBy) -> Result<Studio> {
+        let mut octree = Octree::open(folder)?;
+        let sample = Sample::take(&mut octree)?;
+        let painter = Painter::choose(&octree, &sample, by)?;
+        Ok(Studio { octree, sample, painter, renderer: Cpu::default() })
+    }
+
+    /// What the colours show: an attribute's name, or `height`.
+    pub fn shows(&self) -> &'static str {
+        self.painter.shows()
+    }
+
+    /// One picture.
+    pub fn still(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<(Picture, Effort)> {
+        let shot = frame(&self.sample.positions, view, size, false);
+        let set = self.set(&[shot], size, quality)?;
+        Ok((self.shoot(&shot, size, quality, &set.scene), set.effort))
+    }
+
+    /// A full circle in so many pictures, each handed over as it is done. All
+    /// are of the same points: the nearest any of them needs. So they are read
+    /// once, and nothing comes and goes from one picture to the next.
+    pub fn turntable(
+        &mut self,
+        size: [u32; 2],
+        frames: u32,
+        quality: &Quality,
+        mut done: impl FnMut(Picture) -> Result<()>,
+    ) -> Result<Effort> {
+        let first = frame(&self.sample.positions, View::Overview, size, true);
+        let shots: Vec<Shot> =
+            (0..frames).map(|number| first.turned(f64::from(number) / f64::from(frames))).collect();
+        let set = self.set(&shots, size, quality)?;
+        for shot in &shots {
+            done(self.shoot(shot, size, quality, &set.scene))?;
+        }
+        Ok(set.effort)
+    }
+
+    fn set(&mut self, shots: &[Shot], size: [u32; 2], quality: &Quality) -> Result<Set> {
+        let cameras: Vec<_> = shots.iter().map(Shot::camera).collect();
+        let wanted = Wanted { spacing: quality.spacing, budget: quality.budget, size };
+        let before = self.octree.bytes_read();
+        let chosen = select(&mut self.octree, &cameras, &wanted)?;
+        let centre = shots.first().map_or([0.0; 3], |shot| shot.target);
+        let scene = Scene::load(&self.octree, &chosen, &self.painter, centre)?;
+        let effort = Effort {
+            nodes: chosen.len() as u64,
+            points: scene.splats.len() as u64,
+            bytes: self.octree.bytes_read() - before,
+        };
+        Ok(Set { scene, effort })
+    }
+
+    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, scene: &Scene) -> Picture {
+        let drawing = Drawing::new(
+            &shot.camera(),
+            size,
+            scene.centre,
+            scene.reach,
+            scene.largest,
+            &quality.shading,
+            quality.background,
+        );
+        self.renderer.draw(&drawing, &scene.splats)
+    }
+}
