@@ -7,6 +7,7 @@ use super::Exit;
 use crate::disk::Disk;
 use crate::render::colour::ColorBy;
 use crate::render::framing::View;
+use crate::render::renderer::Choice;
 use crate::render::studio::Quality;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::machine;
@@ -32,6 +33,9 @@ pub struct Arguments {
     /// From where to look at it
     #[arg(long, ignore_case = true, default_value = "overview", value_name = "VIEW")]
     view: View,
+    /// What is to draw: a real GPU where there is one, else the CPU; or one of them
+    #[arg(long, ignore_case = true, default_value = "auto", value_name = "WHO")]
+    renderer: Choice,
     /// Points to draw at most, in each picture
     #[arg(long, default_value_t = Quality::default().budget, value_name = "POINTS")]
     budget: u64,
@@ -56,6 +60,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let mut options = Options {
         color: arguments.color,
         view: arguments.view,
+        renderer: arguments.renderer,
         budget: arguments.budget,
         transparent: arguments.transparent,
         ..Options::default()
@@ -85,7 +90,7 @@ pub fn run(arguments: Arguments) -> Exit {
         }
         return Exit::Done;
     }
-    println!("{} by {}, {:.2} s", into.display(), made.shows, made.seconds);
+    println!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
     for asset in &made.assets {
         let size = format!("{}x{}", asset.width, asset.height);
         let (points, kib) = (asset.effort.points, asset.bytes / 1024);

@@ -5,5 +5,6 @@
 //! One command a person runs, `lodestone report`, comes through here; so does
 //! the benchmark of conversions.
 
+pub mod flip;
 pub mod process;
 pub mod stability;

@@ -90,7 +90,7 @@ impl Painter {
                 palette::grey((f64::from(u16_at(record, offset)) - low) / range)
             }
             Painter::Classification { offset } => palette::class(record.get(offset).copied().unwrap_or(0)),
-            Painter::Height { low, range } => palette::viridis((z - low) / range),
+            Painter::Height { low, range } => palette::height((z - low) / range),
         }
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::frame::{Drawing, NO_DEPTH, Picture, Splat};
 use super::kernel::splat::Tile;
 use super::kernel::{self, Projected, Sums, Surface};
+use super::scene::Scene;
 
 /// Pixels of a tile's side.
 const SIDE: u32 = 64;
@@ -43,8 +44,9 @@ struct Bins {
 }
 
 impl Cpu {
-    /// Draws the splats.
-    pub fn draw(&mut self, drawing: &Drawing, splats: &[Splat]) -> Picture {
+    /// Draws a scene.
+    pub fn draw(&mut self, drawing: &Drawing, scene: &Scene) -> Picture {
+        let splats = &scene.splats;
         self.clear(drawing);
         if splats.len() <= PIECE {
             let bins = self.project(drawing, splats);

@@ -1,10 +1,12 @@
 //! A frame as data: everything that either renderer needs to draw it, before
 //! any of them is asked. The GPU reads [`Frame`] as it lies in memory.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::camera::{self, Camera};
 
 /// One point, ready to be drawn by either renderer.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Splat {
     /// In world units, from the scene's centre.
@@ -35,7 +37,9 @@ pub struct Shading {
     pub core: [f32; 2],
     /// How far a splat's colour reaches beyond its core, in pixels.
     pub fringe: f32,
-    /// Blend depth = radius + this share of the depth (UnityPIC, eq. 5).
+    /// Blend depth = two radii + this share of the depth (after UnityPIC, eq. 5;
+    /// two, because on a surface that falls away discs a spacing apart lie
+    /// further behind each other than one).
     pub blend: f32,
     /// Darkening by eye-dome lighting; 0 for none.
     pub edl: f32,
@@ -48,7 +52,7 @@ pub struct Shading {
 
 impl Default for Shading {
     fn default() -> Shading {
-        Shading { core: [0.75, 12.0], fringe: 0.5, blend: 0.002, edl: 0.35, fill: 2, blended: true }
+        Shading { core: [0.75, 8.0], fringe: 0.5, blend: 0.004, edl: 0.35, fill: 2, blended: true }
     }
 }
 
@@ -90,7 +94,7 @@ pub const NO_DEPTH: u32 = u32::MAX;
 pub const SUBPIXELS: f32 = 16.0;
 
 /// The figures of a frame, in the layout of the shaders' `Frame`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Frame {
     pub right: [f32; 3],
@@ -121,7 +125,7 @@ pub struct Frame {
     pub steepness: f32,
     /// Share of the depth within which neighbouring pixels are one surface.
     pub gap: f32,
-    pub unused: u32,
+    pub unused: [u32; 2],
 }
 
 /// A frame and what it needs beside the figures.
@@ -169,7 +173,7 @@ impl Drawing {
             blended: u32::from(shading.blended),
             steepness: SUBPIXELS * far as f32 / DEPTHS,
             gap: shading.blend + SLOPE / camera::focal(width, height) as f32,
-            unused: 0,
+            unused: [0; 2],
         };
         let radii = (0..=255).map(|code| radius_of(code, largest) as f32).collect();
         Drawing { frame, radii, background, fill: shading.fill }

@@ -125,9 +125,9 @@ fn direction_of(bulk: &Bulk, view: View) -> (f64, f64) {
     let steep = extent[2] / across;
     let elevation = match steep {
         // Country: from an aeroplane.
-        s if s < 0.15 => 0.75,
+        s if s < 0.15 => 0.85,
         // Blocks of houses, trees.
-        s if s < 0.6 => 0.75 - (s - 0.15) / 0.45 * 0.35,
+        s if s < 0.6 => 0.85 - (s - 0.15) / 0.45 * 0.45,
         // Towers and statues: from a little above.
         _ => 0.3,
     };

@@ -18,13 +18,16 @@
 pub mod camera;
 pub mod colour;
 pub mod cpu;
+pub mod cutaway;
 pub mod encode;
 mod error;
 pub mod frame;
 pub mod framing;
+pub mod gpu;
 pub mod kernel;
 pub mod octree;
 pub mod palette;
+pub mod renderer;
 pub mod sample;
 pub mod scene;
 pub mod select;

@@ -14,6 +14,12 @@ const VIRIDIS: [[u8; 3]; 10] = [
     [253, 231, 37],
 ];
 
+/// The colour of a share of a height from 0 to 1: without the darkest end of the
+/// map, which the background would swallow.
+pub fn height(share: f64) -> [u8; 3] {
+    viridis(0.15 + 0.85 * share.clamp(0.0, 1.0))
+}
+
 /// The colour of a share from 0 to 1; what is not a number is at the bottom.
 pub fn viridis(share: f64) -> [u8; 3] {
     let at = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;

@@ -6,6 +6,8 @@
 //! the deepest drawn node that it lies in, and that node's own density says how
 //! far apart the points there are.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use rayon::prelude::*;
 
 use super::colour::Painter;
@@ -30,7 +32,12 @@ pub struct Scene {
     pub reach: f64,
     /// Radius of radius code 0, in world units.
     pub largest: f64,
+    /// Of this scene alone, so that a renderer knows it again.
+    pub id: u64,
 }
+
+/// The next scene's number.
+static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// The part of the space of a node that no drawn child covers, and what lies
 /// in it.
@@ -42,11 +49,18 @@ struct Region {
 }
 
 impl Scene {
-    /// Reads the chosen nodes.
-    pub fn load(octree: &Octree, chosen: &[Chosen], painter: &Painter, centre: [f64; 3]) -> Result<Scene> {
+    /// Reads the chosen nodes, without what lies above `top`. Positions are
+    /// counted from `centre`.
+    pub fn load(
+        octree: &Octree,
+        chosen: &[Chosen],
+        painter: &Painter,
+        centre: [f64; 3],
+        top: f64,
+    ) -> Result<Scene> {
         let parts: Vec<(Vec<Splat>, Vec<u32>, Vec<u16>)> = (0..chosen.len() as u32)
             .into_par_iter()
-            .map(|place| load_node(octree, chosen, place, painter, centre))
+            .map(|place| load_node(octree, chosen, place, painter, centre, top))
             .collect::<Result<_>>()?;
         let mut regions = vec![Region { points: 0, occupied: [0; CELLS] }; chosen.len()];
         for (_, places, cells) in &parts {
@@ -73,7 +87,8 @@ impl Scene {
         }
         let square = |s: &Splat| s.position.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>();
         let reach = splats.iter().map(square).fold(0.0, f64::max).sqrt();
-        Ok(Scene { splats, centre, reach, largest })
+        let id = NEXT.fetch_add(1, Ordering::Relaxed);
+        Ok(Scene { splats, centre, reach, largest, id })
     }
 }
 
@@ -84,6 +99,7 @@ fn load_node(
     place: u32,
     painter: &Painter,
     centre: [f64; 3],
+    top: f64,
 ) -> Result<(Vec<Splat>, Vec<u32>, Vec<u16>)> {
     let Chosen { node, take, .. } = &chosen[place as usize];
     if *take == 0 {
@@ -96,7 +112,7 @@ fn load_node(
     let (mut places, mut cells) = (Vec::with_capacity(*take as usize), Vec::with_capacity(*take as usize));
     for record in records.chunks_exact(record_size) {
         let position = octree.position(record);
-        if !position.iter().all(|c| c.is_finite()) {
+        if !position.iter().all(|c| c.is_finite()) || position[2] > top {
             continue;
         }
         let [r, g, b] = painter.paint(record, position[2]).map(u32::from);

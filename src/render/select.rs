@@ -25,6 +25,8 @@ pub struct Wanted {
     /// Points to draw at most.
     pub budget: u64,
     pub size: [u32; 2],
+    /// World z above which nothing is shown; infinite where all is.
+    pub top: f64,
 }
 
 /// A node that is drawn.
@@ -65,7 +67,8 @@ impl Ord for Candidate {
 /// The nodes for one picture, or for all pictures of a turntable. Parents stand
 /// before their children.
 pub fn select(octree: &mut Octree, cameras: &[Camera], wanted: &Wanted) -> Result<Vec<Chosen>> {
-    let tight = bounds_of_points(octree);
+    let mut tight = bounds_of_points(octree);
+    tight[1][2] = tight[1][2].min(wanted.top);
     let mut waiting =
         BinaryHeap::from([Candidate { benefit: f64::INFINITY, name: NodeName::ROOT, parent: None }]);
     let mut chosen: Vec<Chosen> = Vec::new();
@@ -125,6 +128,9 @@ fn pixels_a_unit(
 ) -> f64 {
     let (corner, side) = octree.cube(name);
     let low: [f64; 3] = std::array::from_fn(|i| corner[i].max(tight[0][i]));
+    if low[2] > tight[1][2] {
+        return 0.0;
+    }
     let high: [f64; 3] = std::array::from_fn(|i| (corner[i] + side).min(tight[1][i]).max(low[i]));
     let middle: [f64; 3] = std::array::from_fn(|i| (low[i] + high[i]) / 2.0);
     let half: [f64; 3] = std::array::from_fn(|i| (high[i] - low[i]) / 2.0);

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use super::camera::Shot;
 use super::colour::{ColorBy, Painter};
-use super::cpu::Cpu;
+use super::cutaway::ceiling;
 use super::error::Result;
 use super::frame::{Background, Drawing, Picture, Shading};
 use super::framing::{View, frame};
 use super::octree::Octree;
+use super::renderer::{Choice, Renderer};
 use super::sample::Sample;
 use super::scene::Scene;
 use super::select::{Wanted, select};
@@ -53,7 +54,7 @@ pub struct Studio {
     octree: Octree,
     sample: Sample,
     painter: Painter,
-    renderer: Cpu,
+    renderer: Renderer,
 }
 
 /// The points of a picture, or of all pictures of a turntable.
@@ -63,11 +64,11 @@ struct Set {
 }
 
 impl Studio {
-    pub fn open(folder: &Path, by: ColorBy) -> Result<Studio> {
+    pub fn open(folder: &Path, by: ColorBy, choice: Choice) -> Result<Studio> {
         let mut octree = Octree::open(folder)?;
         let sample = Sample::take(&mut octree)?;
         let painter = Painter::choose(&octree, &sample, by)?;
-        Ok(Studio { octree, sample, painter, renderer: Cpu::default() })
+        Ok(Studio { octree, sample, painter, renderer: Renderer::open(choice)? })
     }
 
     /// What the colours show: an attribute's name, or `height`.
@@ -75,11 +76,17 @@ impl Studio {
         self.painter.shows()
     }
 
+    /// Who draws: the GPU's name, or `cpu`.
+    pub fn renderer(&self) -> &str {
+        self.renderer.name()
+    }
+
     /// One picture.
     pub fn still(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<(Picture, Effort)> {
-        let shot = frame(&self.sample.positions, view, size, false);
-        let set = self.set(&[shot], size, quality)?;
-        Ok((self.shoot(&shot, size, quality, &set.scene), set.effort))
+        let top = self.top(view);
+        let shot = frame(&self.below(top), view, size, false);
+        let set = self.set(&[shot], size, top, quality)?;
+        Ok((self.shoot(&shot, size, quality, &set.scene)?, set.effort))
     }
 
     /// A full circle in so many pictures, each handed over as it is done. All
@@ -92,23 +99,36 @@ impl Studio {
         quality: &Quality,
         mut done: impl FnMut(Picture) -> Result<()>,
     ) -> Result<Effort> {
-        let first = frame(&self.sample.positions, View::Overview, size, true);
+        let top = self.top(View::Overview);
+        let first = frame(&self.below(top), View::Overview, size, true);
         let shots: Vec<Shot> =
             (0..frames).map(|number| first.turned(f64::from(number) / f64::from(frames))).collect();
-        let set = self.set(&shots, size, quality)?;
+        let set = self.set(&shots, size, top, quality)?;
         for shot in &shots {
-            done(self.shoot(shot, size, quality, &set.scene))?;
+            done(self.shoot(shot, size, quality, &set.scene)?)?;
         }
         Ok(set.effort)
     }
 
-    fn set(&mut self, shots: &[Shot], size: [u32; 2], quality: &Quality) -> Result<Set> {
+    /// World z above which a view shows nothing.
+    fn top(&self, view: View) -> f64 {
+        let opens = matches!(view, View::Overview | View::Top | View::Close);
+        let cut = if opens { ceiling(&self.sample.positions) } else { None };
+        cut.unwrap_or(f64::INFINITY)
+    }
+
+    /// The points of the first look that are shown.
+    fn below(&self, top: f64) -> Vec<[f64; 3]> {
+        self.sample.positions.iter().filter(|p| p[2] <= top).copied().collect()
+    }
+
+    fn set(&mut self, shots: &[Shot], size: [u32; 2], top: f64, quality: &Quality) -> Result<Set> {
         let cameras: Vec<_> = shots.iter().map(Shot::camera).collect();
-        let wanted = Wanted { spacing: quality.spacing, budget: quality.budget, size };
+        let wanted = Wanted { spacing: quality.spacing, budget: quality.budget, size, top };
         let before = self.octree.bytes_read();
         let chosen = select(&mut self.octree, &cameras, &wanted)?;
         let centre = shots.first().map_or([0.0; 3], |shot| shot.target);
-        let scene = Scene::load(&self.octree, &chosen, &self.painter, centre)?;
+        let scene = Scene::load(&self.octree, &chosen, &self.painter, centre, top)?;
         let effort = Effort {
             nodes: chosen.len() as u64,
             points: scene.splats.len() as u64,
@@ -117,7 +137,7 @@ impl Studio {
         Ok(Set { scene, effort })
     }
 
-    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, scene: &Scene) -> Picture {
+    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, scene: &Scene) -> Result<Picture> {
         let drawing = Drawing::new(
             &shot.camera(),
             size,
@@ -127,6 +147,6 @@ impl Studio {
             &quality.shading,
             quality.background,
         );
-        self.renderer.draw(&drawing, &scene.splats)
+        self.renderer.draw(&drawing, scene)
     }
 }

@@ -14,6 +14,7 @@ use crate::render::colour::ColorBy;
 use crate::render::encode::{self, Animation};
 use crate::render::frame::{Background, Picture};
 use crate::render::framing::View;
+use crate::render::renderer::Choice;
 use crate::render::studio::{Effort, Quality, Studio};
 use crate::render::{RenderError, Result};
 
@@ -27,6 +28,7 @@ pub struct Options {
     pub turntable: Option<Turntable>,
     pub color: ColorBy,
     pub view: View,
+    pub renderer: Choice,
     /// Points to draw at most.
     pub budget: u64,
     pub transparent: bool,
@@ -61,6 +63,7 @@ impl Default for Options {
             turntable: Some(Turntable { size: [512, 512], frames: 36 }),
             color: ColorBy::Auto,
             view: View::Overview,
+            renderer: Choice::Auto,
             budget: Quality::default().budget,
             transparent: false,
         }
@@ -72,6 +75,8 @@ impl Default for Options {
 pub struct Preview {
     /// The attribute that the colours show, or `height`.
     pub shows: String,
+    /// Who drew: the GPU's name, or `cpu`.
+    pub renderer: String,
     pub assets: Vec<Asset>,
     /// Of all pictures together.
     pub seconds: f64,
@@ -100,7 +105,7 @@ pub const INDEX: &str = "preview.json";
 /// Makes the pictures of an octree in the folder `into`.
 pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context) -> Result<Preview> {
     let started = Instant::now();
-    let mut studio = Studio::open(octree, options.color)?;
+    let mut studio = Studio::open(octree, options.color, options.renderer)?;
     let mut quality = Quality { budget: options.budget, ..Quality::default() };
     if options.transparent {
         quality.background = Background::Transparent;
@@ -146,7 +151,8 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
             ));
         }
     }
-    let preview = Preview { shows: studio.shows().into(), assets, seconds: started.elapsed().as_secs_f64() };
+    let (shows, renderer) = (studio.shows().into(), studio.renderer().into());
+    let preview = Preview { shows, renderer, assets, seconds: started.elapsed().as_secs_f64() };
     let page = serde_json::to_vec_pretty(&preview)
         .map_err(|error| RenderError::Encode { what: "preview.json", reason: error.to_string() })?;
     write(INDEX, &page)?;

@@ -52,7 +52,7 @@ pub fn project(frame: &Frame, radii: &[f32], splat: &Splat) -> Option<Projected>
         x: (x * SUBPIXELS).floor() as i32,
         y: (y * SUBPIXELS).floor() as i32,
         depth: (away * frame.depth_scale).min(DEPTHS) as u32,
-        blend: ((radius + frame.blend * away) * frame.depth_scale).min(DEPTHS) as u32,
+        blend: ((radius + radius + frame.blend * away) * frame.depth_scale).min(DEPTHS) as u32,
         core: (core * SUBPIXELS) as i32,
         steepness: pixels * frame.steepness,
         color: splat.paint & 0xff_ffff,
