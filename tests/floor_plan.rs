@@ -37,6 +37,9 @@ const STRANGERS: &[(&str, &str)] = &[
     ("web", "engine"),
     ("watch", "engine"),
     ("web", "format"),
+    ("web", "render"),
+    ("watch", "render"),
+    ("store", "render"),
     ("web", "verify"),
     ("store", "format"),
     ("store", "lod"),
@@ -53,6 +56,10 @@ const OWNED: &[(&str, &[&str])] = &[
     ("notify", &["src/watch/"]),
     ("prometheus", &["src/metrics", "src/daemon/"]),
     ("indicatif", &["src/cli/"]),
+    ("wgpu", &["src/render/gpu/"]),
+    ("pollster", &["src/render/gpu/"]),
+    ("png", &["src/render/encode/"]),
+    ("webp_animation", &["src/render/encode/"]),
 ];
 
 /// What a room without files, clock and threads of its own does not touch.

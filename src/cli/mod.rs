@@ -8,6 +8,7 @@ mod preview;
 mod progress;
 mod report;
 mod serve;
+mod sheet;
 mod synth;
 mod verify;
 

@@ -1,9 +1,9 @@
 //! `lodestone preview`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Exit;
+use super::{Exit, sheet};
 use crate::disk::Disk;
 use crate::render::colour::ColorBy;
 use crate::render::framing::View;
@@ -11,14 +11,16 @@ use crate::render::renderer::Choice;
 use crate::render::studio::Quality;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::machine;
-use crate::stage::preview::{Options, Still, Turntable, preview};
+use crate::stage::preview::{Options, Preview, Still, Turntable, preview};
 
-/// Draw a thumbnail, an overview and a turntable of an octree; no display, driver or viewer needed
+/// Draw a thumbnail, an overview and a turntable of octrees; no display, driver or viewer needed
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The octree's folder, of Lodestone's or PotreeConverter's making
-    octree: PathBuf,
-    /// Folder to write the pictures into; `preview` within the octree's if not given
+    /// Folders of octrees, of Lodestone's or PotreeConverter's making
+    #[arg(required = true, num_args = 1..)]
+    octrees: Vec<PathBuf>,
+    /// Folder to write the pictures into; `preview` within the octree's if not given. Of several
+    /// octrees each gets a folder of its own in it, and `index.html` shows them all
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// A picture of this size instead of thumbnail and overview, as in 800x600; may be repeated
@@ -56,7 +58,6 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(pool) => pool,
         Err(error) => return super::failed(&error),
     };
-    let into = arguments.output.unwrap_or_else(|| arguments.octree.join("preview"));
     let mut options = Options {
         color: arguments.color,
         view: arguments.view,
@@ -71,32 +72,63 @@ pub fn run(arguments: Arguments) -> Exit {
     }
     options.turntable =
         (arguments.frames > 0).then_some(Turntable { size: [512, 512], frames: arguments.frames });
-    let context = Context {
+    let mut made = Vec::new();
+    let mut exit = Exit::Done;
+    let several = arguments.octrees.len() > 1;
+    for octree in &arguments.octrees {
+        let name = sheet::name_of(octree);
+        let into = match &arguments.output {
+            Some(folder) if several => folder.join(&name),
+            Some(folder) => folder.clone(),
+            None => octree.join("preview"),
+        };
+        match pool.install(|| preview(octree, &into, &options, &context(&into, threads))) {
+            Ok(preview) => {
+                if !arguments.json {
+                    tell(&into, &preview);
+                }
+                made.push((name, preview));
+            }
+            Err(error) => exit = super::failed(&error),
+        }
+    }
+    if let (Some(folder), true) = (&arguments.output, several) {
+        let path = folder.join("index.html");
+        if let Err(error) = Disk::new().write_atomic(&path, sheet::page(&made).as_bytes()) {
+            exit = super::failed(&error);
+        }
+    }
+    if arguments.json {
+        let json = match made.as_slice() {
+            [(_, only)] if !several => serde_json::to_string_pretty(only),
+            all => serde_json::to_string_pretty(&all.iter().map(|(_, preview)| preview).collect::<Vec<_>>()),
+        };
+        match json {
+            Ok(json) => println!("{json}"),
+            Err(error) => return super::failed(&error),
+        }
+    }
+    exit
+}
+
+fn context(into: &Path, threads: usize) -> Context {
+    Context {
         disk: Disk::new(),
-        scratch: into.clone(),
+        scratch: into.to_path_buf(),
         threads,
         memory_limit: machine::default_memory_limit(),
         cancel: Cancel::default(),
         progress: Arc::new(Progress::default()),
-    };
-    let made = match pool.install(|| preview(&arguments.octree, &into, &options, &context)) {
-        Ok(made) => made,
-        Err(error) => return super::failed(&error),
-    };
-    if arguments.json {
-        match serde_json::to_string_pretty(&made) {
-            Ok(json) => println!("{json}"),
-            Err(error) => return super::failed(&error),
-        }
-        return Exit::Done;
     }
+}
+
+fn tell(into: &Path, made: &Preview) {
     println!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
     for asset in &made.assets {
         let size = format!("{}x{}", asset.width, asset.height);
         let (points, kib) = (asset.effort.points, asset.bytes / 1024);
         println!("  {:15} {size:>9}  {points:>9} points  {kib:>5} KiB  {:.2} s", asset.href, asset.seconds);
     }
-    Exit::Done
 }
 
 /// A size in pixels, as in 800x600.

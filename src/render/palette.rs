@@ -17,12 +17,13 @@ const VIRIDIS: [[u8; 3]; 10] = [
 /// The colour of a share of a height from 0 to 1: without the darkest end of the
 /// map, which the background would swallow.
 pub fn height(share: f64) -> [u8; 3] {
-    viridis(0.15 + 0.85 * share.clamp(0.0, 1.0))
+    viridis(0.15 + 0.85 * share.max(0.0))
 }
 
 /// The colour of a share from 0 to 1; what is not a number is at the bottom.
 pub fn viridis(share: f64) -> [u8; 3] {
-    let at = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
+    let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
+    let at = share * (VIRIDIS.len() - 1) as f64;
     let (step, mix) = ((at as usize).min(VIRIDIS.len() - 2), at.fract());
     let mix = if at >= (VIRIDIS.len() - 1) as f64 { 1.0 } else { mix };
     std::array::from_fn(|i| {

@@ -29,11 +29,17 @@ pub struct Quality {
 impl Default for Quality {
     fn default() -> Quality {
         let shading = Shading::default();
-        Quality { spacing: 0.7, budget: 2_000_000, shading, background: Background::CALM }
+        Quality { spacing: 0.7, budget: 1_900_000, shading, background: Background::CALM }
     }
 }
 
 impl Quality {
+    /// For the pictures of a turntable: a little coarser, and bounded so that
+    /// dozens of them take seconds; they are small and pass by.
+    pub fn turntable() -> Quality {
+        Quality { spacing: 0.8, budget: 500_000, ..Quality::default() }
+    }
+
     /// Every point of the cloud: what the others are measured against.
     pub fn full() -> Quality {
         Quality { spacing: 0.0, budget: u64::MAX, ..Quality::default() }
@@ -46,7 +52,7 @@ pub struct Effort {
     pub nodes: u64,
     pub points: u64,
     /// Bytes read for it, of hierarchy and points.
-    pub bytes: u64,
+    pub bytes_read: u64,
 }
 
 /// An octree, a first look at it, and a renderer.
@@ -132,7 +138,7 @@ impl Studio {
         let effort = Effort {
             nodes: chosen.len() as u64,
             points: scene.splats.len() as u64,
-            bytes: self.octree.bytes_read() - before,
+            bytes_read: self.octree.bytes_read() - before,
         };
         Ok(Set { scene, effort })
     }

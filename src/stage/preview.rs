@@ -129,7 +129,10 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
         let started = Instant::now();
         let mut animation = Animation::new(size, CIRCLE / frames.max(1))?;
         let mut last = None;
-        let effort = studio.turntable(size, frames, &quality, |picture| {
+        let moving = Quality::turntable();
+        let moving =
+            Quality { budget: quality.budget.min(moving.budget), background: quality.background, ..moving };
+        let effort = studio.turntable(size, frames, &moving, |picture| {
             stop_if_asked(context)?;
             animation.add(&picture)?;
             last = Some(picture);
