@@ -226,8 +226,8 @@ fn the_folder_tells_what_it_holds() {
     let folder = tempfile::tempdir().unwrap();
     let octree = scene(Kind::Object, 60_000, folder.path(), &Options::default());
     let into = folder.path().join("pictures");
-    let mut options = preview::Options::default();
-    options.turntable = Some(preview::Turntable { size: [64, 64], frames: 6 });
+    let turntable = Some(preview::Turntable { size: [64, 64], frames: 6, mp4: false });
+    let options = preview::Options { turntable, ..preview::Options::default() };
     let context = common::context(folder.path(), 2, 1 << 30);
     let made = preview(&octree, &into, &options, &context).unwrap();
     let told: preview::Preview =

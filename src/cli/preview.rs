@@ -29,6 +29,9 @@ pub struct Arguments {
     /// Pictures of the turntable; 0 for none
     #[arg(long, default_value_t = 36, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=720))]
     frames: u32,
+    /// The turntable also as MP4, by the `ffmpeg` of this machine
+    #[arg(long)]
+    mp4: bool,
     /// What to colour by
     #[arg(long, ignore_case = true, default_value = "auto", value_name = "WHAT")]
     color: ColorBy,
@@ -70,8 +73,8 @@ pub fn run(arguments: Arguments) -> Exit {
         let still = |&[w, h]: &[u32; 2]| Still { name: format!("{w}x{h}"), role: "overview", size: [w, h] };
         options.stills = arguments.size.iter().map(still).collect();
     }
-    options.turntable =
-        (arguments.frames > 0).then_some(Turntable { size: [512, 512], frames: arguments.frames });
+    let turntable = Turntable { size: [512, 512], frames: arguments.frames, mp4: arguments.mp4 };
+    options.turntable = (arguments.frames > 0).then_some(turntable);
     let mut made = Vec::new();
     let mut exit = Exit::Done;
     let several = arguments.octrees.len() > 1;

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use crate::render::colour::ColorBy;
-use crate::render::encode::{self, Animation};
-use crate::render::frame::{Background, Picture};
+use crate::render::encode::{self, Animation, Film};
+use crate::render::frame::Background;
 use crate::render::framing::View;
 use crate::render::renderer::Choice;
 use crate::render::studio::{Effort, Quality, Studio};
@@ -50,6 +50,8 @@ pub struct Still {
 pub struct Turntable {
     pub size: [u32; 2],
     pub frames: u32,
+    /// Also as MP4, by the machine's `ffmpeg`.
+    pub mp4: bool,
 }
 
 impl Default for Options {
@@ -60,7 +62,7 @@ impl Default for Options {
                 still("thumbnail", "thumbnail", [512, 512]),
                 still("overview", "overview", [1600, 900]),
             ],
-            turntable: Some(Turntable { size: [512, 512], frames: 36 }),
+            turntable: Some(Turntable { size: [512, 512], frames: 36, mp4: false }),
             color: ColorBy::Auto,
             view: View::Overview,
             renderer: Choice::Auto,
@@ -123,36 +125,20 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
         let href = format!("{}.png", still.name);
         let bytes = encode::png(&picture)?;
         write(&href, &bytes)?;
-        assets.push(Asset::of(href, "image/png", still.role, &picture, 1, bytes.len(), effort, started));
+        assets.push(Asset {
+            href,
+            media_type: "image/png".into(),
+            roles: vec![still.role.into()],
+            width: picture.width,
+            height: picture.height,
+            frames: 1,
+            bytes: bytes.len() as u64,
+            effort,
+            seconds: started.elapsed().as_secs_f64(),
+        });
     }
-    if let Some(Turntable { size, frames }) = options.turntable {
-        let started = Instant::now();
-        let mut animation = Animation::new(size, CIRCLE / frames.max(1))?;
-        let mut last = None;
-        let moving = Quality::turntable();
-        let moving =
-            Quality { budget: quality.budget.min(moving.budget), background: quality.background, ..moving };
-        let effort = studio.turntable(size, frames, &moving, |picture| {
-            stop_if_asked(context)?;
-            animation.add(&picture)?;
-            last = Some(picture);
-            Ok(())
-        })?;
-        let bytes = animation.finish()?;
-        let href = "turntable.webp".to_string();
-        write(&href, &bytes)?;
-        if let Some(picture) = last {
-            assets.push(Asset::of(
-                href,
-                "image/webp",
-                "overview",
-                &picture,
-                frames,
-                bytes.len(),
-                effort,
-                started,
-            ));
-        }
+    if let Some(turntable) = options.turntable {
+        assets.extend(turn(&mut studio, &turntable, &quality, into, context)?);
     }
     let (shows, renderer) = (studio.shows().into(), studio.renderer().into());
     let preview = Preview { shows, renderer, assets, seconds: started.elapsed().as_secs_f64() };
@@ -162,31 +148,57 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
     Ok(preview)
 }
 
-impl Asset {
-    #[expect(clippy::too_many_arguments, reason = "one figure each, named where they are given")]
-    fn of(
-        href: String,
-        media_type: &str,
-        role: &str,
-        picture: &Picture,
-        frames: u32,
-        bytes: usize,
-        effort: Effort,
-        started: Instant,
-    ) -> Asset {
-        Asset {
-            href,
-            media_type: media_type.into(),
-            roles: vec![role.into()],
-            width: picture.width,
-            height: picture.height,
-            frames,
-            bytes: bytes as u64,
-            effort,
-            seconds: started.elapsed().as_secs_f64(),
-        }
+/// The turntable, as WebP and on request as MP4.
+fn turn(
+    studio: &mut Studio,
+    turntable: &Turntable,
+    quality: &Quality,
+    into: &Path,
+    context: &Context,
+) -> Result<Vec<Asset>> {
+    let started = Instant::now();
+    let Turntable { size, frames, mp4 } = *turntable;
+    let millis = CIRCLE / frames.max(1);
+    let moving = Quality::turntable();
+    let moving =
+        Quality { budget: quality.budget.min(moving.budget), background: quality.background, ..moving };
+    let mut animation = Animation::new(size, millis)?;
+    let film_path = into.join(FILM);
+    let unfinished = into.join(format!("{FILM}.part"));
+    let mut film = if mp4 { Some(Film::new(size, millis, &unfinished)?) } else { None };
+    let effort = studio.turntable(size, frames, &moving, |picture| {
+        stop_if_asked(context)?;
+        animation.add(&picture)?;
+        film.as_mut().map_or(Ok(()), |film| film.add(&picture))
+    })?;
+    let bytes = animation.finish()?;
+    let path = into.join(TURNTABLE);
+    context.disk.write_atomic(&path, &bytes).map_err(|error| unwritten(&path, error))?;
+    let asset = |href: &str, media_type: &str, bytes: u64| Asset {
+        href: href.into(),
+        media_type: media_type.into(),
+        roles: vec!["overview".into()],
+        width: size[0],
+        height: size[1],
+        frames,
+        bytes,
+        effort,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    let mut assets = vec![asset(TURNTABLE, "image/webp", bytes.len() as u64)];
+    if let Some(film) = film {
+        film.finish()?;
+        let written = std::fs::metadata(&unfinished)
+            .map_err(|source| RenderError::Read { path: unfinished.clone(), source })?;
+        context.disk.rename(&unfinished, &film_path).map_err(|error| unwritten(&film_path, error))?;
+        assets.push(asset(FILM, "video/mp4", written.len()));
     }
+    Ok(assets)
 }
+
+/// Names of the turntable's files.
+const TURNTABLE: &str = "turntable.webp";
+const FILM: &str = "turntable.mp4";
 
 fn stop_if_asked(context: &Context) -> Result<()> {
     if context.cancel.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
