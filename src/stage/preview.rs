@@ -12,14 +12,15 @@ use serde::{Deserialize, Serialize};
 use super::context::Context;
 use crate::render::colour::ColorBy;
 use crate::render::encode::{self, Animation, Film};
-use crate::render::frame::Background;
+use crate::render::frame::{Background, Picture};
 use crate::render::framing::View;
 use crate::render::renderer::Choice;
 use crate::render::studio::{Effort, Quality, Studio};
 use crate::render::{RenderError, Result};
 
-/// Milliseconds that a full circle takes.
-const CIRCLE: u32 = 7200;
+/// Milliseconds that each picture of a turntable stands: a circle of 36 takes
+/// four seconds, one of 72 eight, as smooth as the machine that shows it.
+const STANDS: u32 = 110;
 
 /// What to make.
 #[derive(Debug, Clone)]
@@ -158,20 +159,37 @@ fn turn(
 ) -> Result<Vec<Asset>> {
     let started = Instant::now();
     let Turntable { size, frames, mp4 } = *turntable;
-    let millis = CIRCLE / frames.max(1);
     let moving = Quality::turntable();
     let moving =
         Quality { budget: quality.budget.min(moving.budget), background: quality.background, ..moving };
-    let mut animation = Animation::new(size, millis)?;
     let film_path = into.join(FILM);
     let unfinished = into.join(format!("{FILM}.part"));
-    let mut film = if mp4 { Some(Film::new(size, millis, &unfinished)?) } else { None };
-    let effort = studio.turntable(size, frames, &moving, |picture| {
-        stop_if_asked(context)?;
-        animation.add(&picture)?;
-        film.as_mut().map_or(Ok(()), |film| film.add(&picture))
+    let mut film = if mp4 { Some(Film::new(size, STANDS, &unfinished)?) } else { None };
+    // One frame is encoded while the next is drawn.
+    let (effort, bytes) = std::thread::scope(|scope| {
+        let (hand_over, frames_drawn) = std::sync::mpsc::sync_channel::<Picture>(1);
+        let encoder = scope.spawn(move || {
+            let mut animation = Animation::new(size, STANDS)?;
+            for picture in frames_drawn {
+                animation.add(&picture)?;
+                film.as_mut().map_or(Ok(()), |film| film.add(&picture))?;
+            }
+            let bytes = animation.finish()?;
+            film.map_or(Ok(()), Film::finish)?;
+            Ok(bytes)
+        });
+        let drawn = studio.turntable(size, frames, &moving, |picture| {
+            stop_if_asked(context)?;
+            // Where nobody takes it, the encoder has failed and says why.
+            let _ = hand_over.send(picture);
+            Ok(())
+        });
+        drop(hand_over);
+        let encoded: Result<Vec<u8>> = encoder.join().unwrap_or_else(|_| {
+            Err(RenderError::Encode { what: "the turntable", reason: "its thread panicked".into() })
+        });
+        Ok::<_, RenderError>((drawn?, encoded?))
     })?;
-    let bytes = animation.finish()?;
     let path = into.join(TURNTABLE);
     context.disk.write_atomic(&path, &bytes).map_err(|error| unwritten(&path, error))?;
     let asset = |href: &str, media_type: &str, bytes: u64| Asset {
@@ -186,8 +204,7 @@ fn turn(
         seconds: started.elapsed().as_secs_f64(),
     };
     let mut assets = vec![asset(TURNTABLE, "image/webp", bytes.len() as u64)];
-    if let Some(film) = film {
-        film.finish()?;
+    if mp4 {
         let written = std::fs::metadata(&unfinished)
             .map_err(|source| RenderError::Read { path: unfinished.clone(), source })?;
         context.disk.rename(&unfinished, &film_path).map_err(|error| unwritten(&film_path, error))?;

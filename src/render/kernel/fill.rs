@@ -5,7 +5,7 @@
 //! gap between two surfaces, and the outline of one, stay as they are.
 
 use super::resolve::Surface;
-use crate::render::frame::Frame;
+use crate::render::frame::{Frame, NO_DEPTH};
 
 /// The eight neighbours, each followed by the one opposite.
 const PAIRS: [[[i32; 2]; 2]; 4] =
@@ -17,9 +17,17 @@ pub fn fill(frame: &Frame, at: impl Fn(i32, i32) -> Surface, x: i32, y: i32) -> 
     let here = at(x, y);
     let near = |depth: u32| depth + (depth as f32 * frame.gap) as u32;
     let mut neighbours = [[Surface::EMPTY; 2]; 4];
-    let (mut covered, mut front) = (0, u32::MAX);
     for (pair, places) in neighbours.iter_mut().zip(PAIRS) {
-        *pair = places.map(|[dx, dy]| at(x + dx, y + dy));
+        *pair = [at(x + places[0][0], y + places[0][1]), at(x + places[1][0], y + places[1][1])];
+    }
+    // Most pixels have nothing around them, or nothing that is before them:
+    // what follows would leave them as they are.
+    let nearest = neighbours.as_flattened().iter().fold(NO_DEPTH, |depth, surface| depth.min(surface.depth));
+    if nearest == NO_DEPTH || (here.is_covered() && here.depth <= near(near(nearest))) {
+        return here;
+    }
+    let (mut covered, mut front) = (0, u32::MAX);
+    for pair in &neighbours {
         covered += pair.iter().filter(|surface| surface.is_covered()).count();
         if is_across(pair, near) {
             front = front.min(pair[0].depth.min(pair[1].depth));

@@ -27,6 +27,9 @@ const AROUND: [([i32; 2], f32); 8] = [
 /// green, blue and alpha. `at` gives the surface of a pixel.
 pub fn light(frame: &Frame, at: impl Fn(i32, i32) -> Surface, x: i32, y: i32, behind: [u8; 4]) -> [u8; 4] {
     let here = at(x, y);
+    if here == Surface::EMPTY {
+        return behind;
+    }
     let mut shadow = 0.0f32;
     if here.is_covered() {
         let depth = here.depth as f32;
