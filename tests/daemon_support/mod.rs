@@ -142,6 +142,8 @@ impl Daemon {
             .args(&line[1..])
             .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4"])
             .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
+            // Pictures are work that most tests need not wait for.
+            .args(if more.contains(&"--preview") { &[][..] } else { &["--preview", "false"] })
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
