@@ -107,7 +107,7 @@ pub struct Layer {
     /// What becomes of records that equal another in every attribute [default: keep].
     #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
     pub twins: Option<Mode>,
-    /// Make pictures of each octree after it is published, at the lowest priority [default: true].
+    /// Make pictures of each octree after it is published, at low priority [default: true].
     #[arg(long, env = "LODESTONE_PREVIEW", num_args = 0..=1, default_missing_value = "true")]
     pub preview: Option<bool>,
     /// Pictures of the turntable among them; 0 for none [default: 36].

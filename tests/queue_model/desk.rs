@@ -145,6 +145,7 @@ impl Converter for Desk {
         }
         fs::create_dir_all(into).unwrap();
         fs::write(into.join("preview.json"), &shows).unwrap();
-        Ok(Preview { shows, assets: vec![], seconds: 0.0 })
+        let made = serde_json::json!({ "shows": shows, "renderer": "none", "assets": [], "seconds": 0 });
+        Ok(serde_json::from_value(made).unwrap())
     }
 }

@@ -1,4 +1,4 @@
-//! What an attempt does: draw, on a thread that stands last in the line for the
+//! What an attempt does: draw, on threads that stand back in the line for the
 //! processor, and give the pictures their place.
 
 use std::io;
@@ -14,8 +14,10 @@ use crate::render::colour::ColorBy;
 use crate::stage::context::Context;
 use crate::stage::preview::{Options, Preview, Still, Turntable};
 
-/// The step of priority that leaves the processor to everybody else.
-const LAST_IN_LINE: i32 = 19;
+/// A step back in the line for the processor: beside a conversion a picture gets
+/// a tenth of it. The last place (19) would get nothing on a machine that is
+/// never idle.
+const STEP_BACK: i32 = 10;
 
 /// How an attempt ended.
 pub(super) enum End {
@@ -88,7 +90,7 @@ fn attempt(
 
 /// For this thread alone: on Linux threads have priorities of their own.
 fn step_back() {
-    if let Err(error) = rustix::process::nice(LAST_IN_LINE) {
+    if let Err(error) = rustix::process::nice(STEP_BACK) {
         tracing::debug!(%error, "previews run at the common priority");
     }
 }

@@ -1,7 +1,7 @@
 //! Pictures of published octrees, one octree at a time.
 //!
-//! A picture is a comfort and never in a conversion's way: its threads have the
-//! lowest priority, so they get what conversions leave of the processor, and
+//! A picture is a comfort and never in a conversion's way: its threads have a low
+//! priority, so they take little of what conversions want of the processor, and
 //! there is one octree at a time before them, so that memory is bounded. To wait
 //! for a free place instead would leave a daemon that is never idle without any.
 //!
@@ -29,8 +29,9 @@ use draw::End;
 
 /// Attempts at the pictures of an octree.
 const ATTEMPTS: u32 = 3;
-/// No picture takes so long, in milliseconds; a disk that hangs does.
-const LONGEST: Millis = 600_000;
+/// Not even pictures that conversions leave little of the processor to take so
+/// long, in milliseconds; a disk that hangs does.
+const LONGEST: Millis = 3_600_000;
 
 /// Where pictures lie until they are whole; behind a dot nobody is served them.
 fn easel(config: &Config) -> PathBuf {
