@@ -18,7 +18,7 @@ use lodestone::engine::conduct::{self, Outcome};
 use lodestone::stage::context::Context;
 use lodestone::stage::journal;
 use lodestone::stage::options::{Encoding, Options, Sampling};
-use lodestone::stage::receipt::Receipt;
+use lodestone::stage::receipt::{Receipt, Unit};
 use lodestone::stage::scratch::units_done;
 
 const OUT_OF_CORE: u64 = 45 << 20;
@@ -41,19 +41,10 @@ fn uninterrupted(folder: &Path, input: &Path, options: &Options) -> [Vec<u8>; 3]
     octree_bytes(&output)
 }
 
-/// Receipts for work done, by kind and number; none may come twice.
-fn units(scratch: &Path) -> Vec<(u8, u32)> {
+/// Work that has receipts; none may come twice.
+fn units(scratch: &Path) -> Vec<Unit> {
     let receipts = journal::read(&scratch.join("journal")).unwrap();
-    receipts
-        .iter()
-        .filter_map(|receipt| match receipt {
-            Receipt::Spooled { unit, .. } => Some((0, *unit)),
-            Receipt::Surveyed(_) => Some((1, 0)),
-            Receipt::Bucketed { unit, .. } => Some((2, *unit)),
-            Receipt::Built { number, .. } => Some((3, *number)),
-            _ => None,
-        })
-        .collect()
+    receipts.iter().filter_map(Receipt::unit).collect()
 }
 
 /// The scratch folder that `convert` makes beside its output.
