@@ -32,7 +32,6 @@ pub struct Findings {
     pub census: Census,
     /// The part of the cloud that goes into the octree.
     pub region: Region,
-    pub passes: u32,
     pub notes: Vec<String>,
 }
 
@@ -111,8 +110,6 @@ pub struct Counter<'a> {
     pub guard: Mode,
     /// The part of the cloud that is counted; all of it at first.
     pub region: Region,
-    /// Times that the points were gone through.
-    pub passes: u32,
 }
 
 /// Records looked at together: small enough to stay in the core's cache over
@@ -153,7 +150,7 @@ impl Counter<'_> {
             self.count_again(&counting)?;
         }
         let Counting { base, census } = counting;
-        let findings = Findings { found, census, region: self.region, passes: self.passes, notes };
+        let findings = Findings { found, census, region: self.region, notes };
         match self.scratch {
             Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
             None => Ok((findings, base)),
@@ -184,7 +181,6 @@ impl Counter<'_> {
 
     /// Counts on the hinted grid and finds the true bounds and used bits.
     fn first_pass(&mut self, hinted: &Counting) -> Result<Vec<Found>> {
-        self.passes += 1;
         let start: Vec<Found> = self
             .files
             .iter()
@@ -217,7 +213,6 @@ impl Counter<'_> {
     }
 
     fn count_again(&mut self, counting: &Counting) -> Result<()> {
-        self.passes += 1;
         self.each_unit(|unit, records| {
             let las = &self.files[unit.input];
             let requantise = &counting.base.requantise[unit.input];
@@ -230,7 +225,7 @@ impl Counter<'_> {
                     .chunks_exact(length)
                     .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
                 if counting.census.count(trees) > 0 {
-                    return Err(StageError::InputChanged(las.path().to_path_buf()));
+                    return Err(StageError::changed(las));
                 }
             }
             Ok(())
