@@ -14,6 +14,7 @@ mod count;
 mod crs;
 mod error;
 mod extra_bytes;
+mod fields;
 mod header;
 mod readable;
 mod reader;
