@@ -16,7 +16,7 @@ use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::survey::{Input, Survey};
 use crate::cloud::attribute::{ExtraField, Scalar};
-use crate::format::las::{CrsSource, LasOptions, LasWriter};
+use crate::format::las::{LasOptions, LasWriter};
 
 /// The file's name; where inputs differ in their layout, each layout gets one,
 /// the second `set-aside-2.laz`.
@@ -180,7 +180,7 @@ fn las_options(input: &Input) -> LasOptions {
         offset: header.offset,
         compressed: is_compressible(header.point_format),
         extra,
-        crs_wkt: header.crs.iter().find(|crs| crs.source == CrsSource::Wkt).map(|crs| crs.text.clone()),
+        crs: header.crs_records.clone(),
         software: concat!("lodestone ", env!("CARGO_PKG_VERSION")).into(),
     }
 }
