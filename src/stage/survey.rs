@@ -236,10 +236,16 @@ fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Fi
     Ok(Files { files, missing, notes })
 }
 
+/// Slices of a cloud, but for the longest of records, and a cloud of many files.
+const MOST_UNITS: u64 = 1 << 16;
+
 /// Slices small enough to keep all cores busy to the end, large enough that
 /// their parts for one chunk are worth a read.
 fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
-    let most = (points / 64).clamp(50_000, 1_000_000) as u32;
+    // A LAZ header may promise billions of points for a few bytes; there must not
+    // be a slice for each million of them.
+    let most =
+        (points / 64).clamp(50_000, 1_000_000).max(points / MOST_UNITS).min(u64::from(u32::MAX)) as u32;
     let mut units = Vec::new();
     let mut end = 0;
     for (input, file) in files.iter().enumerate() {
