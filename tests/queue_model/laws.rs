@@ -105,7 +105,7 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
                 continue;
             }
             "superseded" if ledger.states.get(job) != Some(&State::Running) => Event::Cancel,
-            other => match EVENTS.into_iter().find(|event| event.name() == other) {
+            other => match Event::ALL.into_iter().find(|event| event.name() == other) {
                 Some(event) => event,
                 None => continue,
             },
@@ -125,21 +125,6 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
     }
     Ok(())
 }
-
-const EVENTS: [Event; 12] = [
-    Event::Claim,
-    Event::Succeed,
-    Event::Fail,
-    Event::Postpone,
-    Event::Crash,
-    Event::Quarantine,
-    Event::Park,
-    Event::Cancel,
-    Event::Pause,
-    Event::Resume,
-    Event::Retry,
-    Event::Release,
-];
 
 /// Strikes lead to quarantine at exactly their number, runs are counted before
 /// they begin, and what ended has an end and a reason.
