@@ -85,7 +85,7 @@ impl Converter for Painter {
     }
 }
 
-const PLAIN: &str = "disk_reserve = 0\nshutdown_seconds = 5\nretry_seconds = 5\nthreads = 1";
+const PLAIN: &str = "disk_reserve = 0\nshutdown_seconds = 5\nretry_seconds = 5\nthreads = 1\npreview = true";
 
 trait Gallery {
     fn acts(&self, name: &str, acts: &[Act]);

@@ -25,7 +25,9 @@ pub const PATIENCE: Duration = Duration::from_secs(150);
 
 /// A configuration with its folders made under `root`.
 pub fn configured(root: &Path, settings: &str) -> Config {
-    let layer: Layer = toml::from_str(settings).expect("settings");
+    let mut layer: Layer = toml::from_str(settings).expect("settings");
+    // Pictures are beside the point of most tests.
+    layer.preview = layer.preview.or(Some(false));
     let mut config = Config::from_layer(layer).expect("a configuration");
     config.root = root.to_path_buf();
     for sub in ["inbox", "octrees/.staged", "scratch"] {

@@ -29,7 +29,7 @@ use crate::laws::Ledger;
 
 /// One heavy job beside two light ones; what waits, waits seconds.
 const SETTINGS: &str = "disk_reserve = 0\nlight_bytes = 800\nlight_jobs = 2\nsettle_seconds = 2\n\
-                        patience_seconds = 20\nshutdown_seconds = 5";
+                        patience_seconds = 20\nshutdown_seconds = 5\npreview = true\nthreads = 2";
 
 /// The daemon while it lives.
 pub struct Life {
