@@ -48,6 +48,14 @@ fn drop_cloud(daemon: &Daemon, name: &str, points: u32, seed: u64) {
     fs::write(daemon.inbox().join(format!("{name}.las")), las(points, seed)).expect("dropped");
 }
 
+/// Waits until nothing half-made is left; the end is recorded before.
+fn wait_cleared(daemon: &Daemon) {
+    let folder = daemon.root.join("octrees/.previews");
+    wait_for("what was on its way to be cleared", || {
+        fs::read_dir(&folder).into_iter().flatten().next().is_none().then_some(())
+    });
+}
+
 /// An octree without its pictures.
 fn octree(daemon: &Daemon, name: &str) -> std::collections::BTreeMap<std::path::PathBuf, Vec<u8>> {
     let mut files = content(&daemon.octree(name));
@@ -107,18 +115,14 @@ fn pictures_appear_beside_the_octree_and_are_served() {
     let icon = url(&job, "icon.png");
     assert!(page.contains(&format!("<img src='{icon}' data-turning='")), "{page}");
     assert!(page.contains("alt='Picture of größe 1'"), "{page}");
-    let metrics = daemon.get("/metrics").1;
-    for line in [
+    daemon.wait_metrics(&[
         "lodestone_previews_total{outcome=\"done\"} 1",
         "lodestone_preview_seconds_count 1",
         "lodestone_previews_waiting 0",
-    ] {
-        assert!(metrics.lines().any(|l| l == line), "{line} is missing in\n{metrics}");
-    }
+    ]);
     let history = daemon.json(&format!("/api/jobs/{}", job["id"]))["history"].to_string();
     assert!(history.contains("\"preview\""), "{history}");
-    let left: Vec<_> = fs::read_dir(daemon.root.join("octrees/.previews")).into_iter().flatten().collect();
-    assert!(left.is_empty(), "{left:?}");
+    wait_cleared(&daemon);
     assert!(daemon.stop());
 }
 
@@ -164,7 +168,6 @@ fn killed_or_stopped_over_its_pictures_it_makes_them_again_and_leaves_the_job_al
     let before = octree(&daemon, "a");
     daemon.kill();
     let mut daemon = Daemon::start_with(&data, SLOW);
-    assert!(!data.join("octrees/.previews/1/turntable.webp").exists());
     wait_for("the second attempt", || (daemon.jobs()[0]["preview"]["attempts"] == 2).then_some(()));
     at_work(&daemon);
     // In good order it stops at once, and the attempt does not count.
@@ -176,7 +179,7 @@ fn killed_or_stopped_over_its_pictures_it_makes_them_again_and_leaves_the_job_al
         assert_eq!(after[key], job[key], "{key}");
     }
     assert_eq!(octree(&daemon, "a"), before);
-    assert!(fs::read_dir(data.join("octrees/.previews")).into_iter().flatten().next().is_none());
+    wait_cleared(&daemon);
 }
 
 #[test]
@@ -195,13 +198,10 @@ fn what_cannot_be_drawn_is_tried_a_few_times_given_up_and_drawn_on_request() {
     let error = job["preview"]["error"].as_str().expect("an error");
     assert!(error.contains("octrees/a/preview"), "{error}");
     assert_eq!(fs::read_to_string(&in_the_way).expect("there"), "somebody's");
-    let metrics = daemon.get("/metrics").1;
-    for line in [
+    daemon.wait_metrics(&[
         "lodestone_previews_total{outcome=\"postponed\"} 2",
         "lodestone_previews_total{outcome=\"failed\"} 1",
-    ] {
-        assert!(metrics.lines().any(|l| l == line), "{line} is missing in\n{metrics}");
-    }
+    ]);
     // Others have theirs.
     drop_cloud(&daemon, "b", 2_000, 2);
     wait_preview(&daemon, "b", "done");
