@@ -81,8 +81,9 @@ impl PreviewView {
         stills.min_by_key(|asset| asset.width)
     }
 
+    /// One that a page shows as a picture; it may be there as a film too.
     pub fn turntable(&self) -> Option<&AssetView> {
-        self.assets.iter().find(|asset| asset.frames > 1)
+        self.assets.iter().find(|asset| asset.frames > 1 && asset.media_type.starts_with("image/"))
     }
 }
 

@@ -47,8 +47,9 @@ pub(super) fn options(config: &Config) -> Options {
     // For lists: a few kilobytes, so that a page of them is no load. Last, since
     // whoever takes the first thumbnail wants the large one.
     options.stills.push(Still { name: "icon".into(), role: "thumbnail", size: [128, 128] });
+    let frames = config.preview_frames;
     options.turntable =
-        (config.preview_frames > 0).then_some(Turntable { size: [512, 512], frames: config.preview_frames });
+        options.turntable.filter(|_| frames > 0).map(|turntable| Turntable { frames, ..turntable });
     options
 }
 
