@@ -7,6 +7,8 @@
 //! files while they are read. Maps are for files that we wrote ourselves and
 //! that nobody changes.
 
+mod replace;
+
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::FileExt;
@@ -14,6 +16,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::Duration;
+
+pub use replace::inode;
 
 /// What went wrong with which file, and what to do about it.
 #[derive(Debug, thiserror::Error)]

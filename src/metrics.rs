@@ -44,6 +44,9 @@ pub struct Metrics {
     pub jobs_stalled: IntCounter,
     pub sources: IntCounterVec,
     pub hooks: IntCounterVec,
+    pub previews: IntCounterVec,
+    pub previews_waiting: IntGauge,
+    pub preview_seconds: Histogram,
     pub event_streams: IntGauge,
     pub runtime_tasks: IntGauge,
 }
@@ -144,6 +147,26 @@ impl Metrics {
                 "outcome",
             )?,
             hooks: counters(r, "lodestone_hooks_total", "Hooks that were run, by how they ended.", "result")?,
+            previews: counters(
+                r,
+                "lodestone_previews_total",
+                "Attempts at the pictures of an octree, by how they ended.",
+                "outcome",
+            )?,
+            previews_waiting: gauge(
+                r,
+                "lodestone_previews_waiting",
+                "Octrees whose pictures are still to be made.",
+            )?,
+            preview_seconds: {
+                let opts = HistogramOpts::new(
+                    "lodestone_preview_seconds",
+                    "Duration of making an octree's pictures.",
+                );
+                let histogram = Histogram::with_opts(opts.buckets(SECONDS.to_vec()))?;
+                r.register(Box::new(histogram.clone()))?;
+                histogram
+            },
             event_streams: gauge(r, "lodestone_event_streams", "Readers of the events that are connected.")?,
             runtime_tasks: gauge(
                 r,
@@ -173,6 +196,9 @@ impl Metrics {
         }
         for result in ["ok", "failed", "timeout"] {
             self.hooks.with_label_values(&[result]);
+        }
+        for outcome in ["done", "nothing", "postponed", "failed", "dropped"] {
+            self.previews.with_label_values(&[outcome]);
         }
     }
 

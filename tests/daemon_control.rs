@@ -8,7 +8,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use daemon_support::{Daemon, las, wait_for};
+use daemon_support::{Daemon, fill_folder, las, wait_for};
 
 fn root() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")
@@ -54,12 +54,9 @@ fn published_sources_are_moved_and_nothing_is_requeued_or_unpublished_for_it() {
     let data = root.path().join("data");
     let mut daemon = Daemon::start_with(&data, &["--on-done", "move", "--patience-seconds", "1"]);
     fs::write(daemon.inbox().join("a b.las"), las(1_000, 1)).expect("dropped");
-    fs::create_dir_all(daemon.inbox().join("tiles")).expect("made");
-    fs::write(daemon.inbox().join("tiles/1.las"), las(1_000, 2)).expect("dropped");
-    fs::write(daemon.inbox().join("tiles/2.las"), las(1_000, 3)).expect("dropped");
-    fs::create_dir_all(daemon.inbox().join("kept")).expect("made");
-    fs::write(daemon.inbox().join("kept/1.las"), las(1_000, 4)).expect("dropped");
-    fs::write(daemon.inbox().join("kept/lodestone.json"), r#"{"on_done": "keep"}"#).expect("marked");
+    daemon.drop_folder("tiles", &[("1.las", las(1_000, 2)), ("2.las", las(1_000, 3))]);
+    let marker = br#"{"on_done": "keep"}"#.to_vec();
+    daemon.drop_folder("kept", &[("1.las", las(1_000, 4)), ("lodestone.json", marker)]);
     fs::write(daemon.inbox().join("bad.las"), "no points").expect("dropped");
     for name in ["a b", "tiles", "kept"] {
         daemon.wait(name, "done");
@@ -101,9 +98,10 @@ fn published_sources_are_deleted_only_as_they_were_converted() {
     let daemon = Daemon::start_with(&root.path().join("data"), &["--on-done", "delete"]);
     fs::write(daemon.inbox().join("a.las"), las(1_000, 1)).expect("dropped");
     // A tile that is a link within the inbox is converted, but nothing is deleted through it.
-    fs::create_dir_all(daemon.inbox().join("linked")).expect("made");
-    fs::write(daemon.inbox().join("linked/1.las"), las(1_000, 2)).expect("dropped");
-    std::os::unix::fs::symlink("1.las", daemon.inbox().join("linked/2.las")).expect("linked");
+    let linked = root.path().join("linked");
+    fill_folder(&linked, &[("1.las", las(1_000, 2))]);
+    std::os::unix::fs::symlink("1.las", linked.join("2.las")).expect("linked");
+    fs::rename(&linked, daemon.inbox().join("linked")).expect("dropped");
     let job = daemon.wait("a", "done");
     wait_history(&daemon, &job["id"], "sources deleted");
     assert!(!daemon.inbox().join("a.las").exists());
@@ -111,13 +109,10 @@ fn published_sources_are_deleted_only_as_they_were_converted() {
     let why = wait_history(&daemon, &linked["id"], "sources kept");
     assert!(why.contains("2.las") && why.contains("link"), "{why}");
     assert!(daemon.inbox().join("linked/1.las").exists() && outside.join("mine.las").exists());
-    let metrics = daemon.get("/metrics").1;
-    for line in [
+    daemon.wait_metrics(&[
         "lodestone_sources_put_away_total{outcome=\"deleted\"} 1",
         "lodestone_sources_put_away_total{outcome=\"kept\"} 1",
-    ] {
-        assert!(metrics.lines().any(|l| l == line), "{line} is missing in\n{metrics}");
-    }
+    ]);
 }
 
 #[test]

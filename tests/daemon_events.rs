@@ -16,8 +16,10 @@ fn root() -> tempfile::TempDir {
     tempfile::tempdir().expect("a folder")
 }
 
-/// Points of a cloud that takes a second or two.
-const BIG: u32 = 2_000_000;
+/// Points of a cloud that takes some seconds, packed by one thread: it must be seen
+/// to run, and how far it is.
+const BIG: u32 = 1_000_000;
+const SLOW: [&str; 4] = ["--threads", "1", "--encoding", "brotli"];
 
 /// One event as it came.
 #[derive(Debug, Clone)]
@@ -114,7 +116,7 @@ impl Listener {
 #[test]
 fn who_listens_is_told_the_present_and_then_every_change_without_asking() {
     let root = root();
-    let mut daemon = Daemon::start_with(&root.path().join("data"), &["--threads", "1"]);
+    let mut daemon = Daemon::start_with(&root.path().join("data"), &SLOW);
     fs::write(daemon.inbox().join("first.las"), las(1_000, 1)).expect("dropped");
     daemon.wait("first", "done");
     let mut all = Listener::open(&daemon, "/api/events", "");

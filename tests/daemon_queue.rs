@@ -2,22 +2,22 @@
 //! panic, hang until they are stopped, or succeed, and a clock that is set by
 //! hand.
 
+mod engine_support;
+
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::path::Path;
+use std::sync::Mutex;
 use std::time::Duration;
 
+use engine_support::wait;
 use lodestone::clock::Clock;
-use lodestone::config::{Config, Layer};
-use lodestone::disk::Disk;
+use lodestone::engine::Engine;
 use lodestone::engine::converter::{Converter, Failure, Report, Work};
-use lodestone::engine::{Engine, Tools};
-use lodestone::job::{Event, Input, Job, State};
-use lodestone::metrics::Metrics;
+use lodestone::job::{Event, Job, State};
 use lodestone::stage::context::{Context, Stage};
-use lodestone::store::board::Board;
-use lodestone::store::{Admission, Arrival, Kind, Store, StoreError};
+use lodestone::store::{Admission, Store, StoreError};
+
+type House = engine_support::House<Script>;
 
 /// What the fake conversion of a data set does, try after try; the last for ever.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +41,6 @@ struct Script {
 impl Converter for Script {
     fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
         let name = work.options.name.clone().unwrap_or_default();
-        self.runs.lock().unwrap().push(name.clone());
         let act = {
             let mut acts = self.acts.lock().unwrap();
             let acts = acts.entry(name.clone()).or_insert_with(|| vec![Act::Succeed]);
@@ -49,6 +48,8 @@ impl Converter for Script {
         };
         context.progress.begin(Stage::Survey, 10);
         std::fs::create_dir_all(&context.scratch).unwrap();
+        // Last, for this is what tests wait for: see `at_work`.
+        self.runs.lock().unwrap().push(name.clone());
         let failure = |may_pass| Failure { message: format!("{name} said no"), may_pass, panicked: false };
         match act {
             Act::FailForGood => return Err(failure(false)),
@@ -75,103 +76,23 @@ impl Converter for Script {
     }
 }
 
-struct House {
-    folder: tempfile::TempDir,
-    tools: Tools,
-    engine: Engine,
-    script: Arc<Script>,
-    now: Arc<AtomicI64>,
-    runs_of_the_daemon: u32,
-}
-
+/// What the queue's tests ask of their house.
 impl House {
-    async fn new(settings: &str) -> House {
-        let folder = tempfile::tempdir().unwrap();
-        let layer: Layer = toml::from_str(settings).unwrap();
-        let mut config = Config::from_layer(layer).unwrap();
-        config.root = folder.path().to_path_buf();
-        for sub in ["inbox", "octrees/.staged", "scratch"] {
-            std::fs::create_dir_all(config.root.join(sub)).unwrap();
-        }
-        let (script, now) = (Arc::new(Script::default()), Arc::new(AtomicI64::new(1_000_000)));
-        let tools = Tools {
-            store: Store::open(&config.database()).await.unwrap(),
-            config: Arc::new(config),
-            board: Board::default(),
-            metrics: Metrics::new().unwrap(),
-            clock: Clock::Manual(now.clone()),
-            disk: Disk::new(),
-            converter: script.clone(),
-            bell: Arc::default(),
-        };
-        let engine = Engine::new(tools.clone(), "run-0".into());
-        House { folder, tools, engine, script, now, runs_of_the_daemon: 0 }
-    }
-
-    /// The daemon dies and is started again: a new engine on the same queue. The
-    /// old one's thread may go on, as nothing in a real process would.
-    async fn crash(&mut self) {
-        self.runs_of_the_daemon += 1;
-        self.engine = Engine::new(self.tools.clone(), format!("run-{}", self.runs_of_the_daemon));
-        self.engine.recover().await.unwrap();
-    }
-
     fn acts(&self, name: &str, acts: &[Act]) {
-        self.script.acts.lock().unwrap().insert(name.into(), acts.to_vec());
+        self.converter.acts.lock().unwrap().insert(name.into(), acts.to_vec());
     }
 
     fn runs(&self) -> Vec<String> {
-        self.script.runs.lock().unwrap().clone()
+        self.converter.runs.lock().unwrap().clone()
     }
 
-    fn source(&self, name: &str) -> PathBuf {
-        self.folder.path().join("inbox").join(format!("{name}.las"))
-    }
-
-    async fn drop_file(&self, name: &str, content: &str) -> Admission {
-        self.arrive(name, content, |_| {}).await
-    }
-
-    async fn arrive(&self, name: &str, content: &str, change: impl FnOnce(&mut Arrival)) -> Admission {
-        use std::os::unix::fs::MetadataExt;
-        let path = self.source(name);
-        std::fs::write(&path, content).unwrap();
-        let meta = std::fs::metadata(&path).unwrap();
-        let mtime_ns = meta.mtime() * 1_000_000_000 + meta.mtime_nsec();
-        let mut arrival = Arrival {
-            path: path.clone(),
-            kind: Kind::File,
-            name: name.into(),
-            stamp: format!("{mtime_ns}"),
-            content_key: format!("key of {content}"),
-            inputs: vec![Input { path, size: meta.len(), mtime_ns, hash: content.into() }],
-            options: "{}".into(),
-            priority: 0,
-            points: 10,
-        };
-        change(&mut arrival);
-        self.tools.store.take_in(&arrival, self.tools.clock.now()).await.unwrap()
-    }
-
-    async fn job(&self, id: i64) -> Job {
-        self.tools.store.job(id).await.unwrap()
-    }
-
-    fn advance(&self, millis: i64) {
-        self.now.fetch_add(millis, Ordering::SeqCst);
-    }
-
-    /// Turns the wheel until the job is in this state.
-    async fn turn_until(&mut self, id: i64, state: State) -> Job {
-        for _ in 0..2000 {
-            self.engine.tick().await.unwrap();
-            let job = self.job(id).await;
-            if job.state == state {
-                return job;
-            }
-            tokio::time::sleep(Duration::from_millis(2)).await;
-        }
-        panic!("never {state:?}: {:?}", self.job(id).await);
+    /// Turns the wheel until the job runs, and waits until the `nth` run of all is
+    /// at work: that a job is running says nothing of its thread yet.
+    async fn at_work(&mut self, id: i64, nth: usize) -> Job {
+        let job = self.turn_until(id, State::Running).await;
+        let script = self.converter.clone();
+        wait("the run", || script.runs.lock().unwrap().len() == nth).await;
+        job
     }
 
     fn octree(&self, name: &str) -> Option<String> {
@@ -256,7 +177,7 @@ async fn the_attempt_is_counted_before_the_run_and_three_crashes_are_quarantine(
     house.acts("poison", &[Act::Hang]);
     let job = id(house.drop_file("poison", "x").await);
     for crash in 1..=3u32 {
-        let running = house.turn_until(job, State::Running).await;
+        let running = house.at_work(job, crash as usize).await;
         assert_eq!(running.attempts, crash);
         house.crash().await;
         house.advance(60_000);
@@ -274,7 +195,7 @@ async fn an_hours_long_job_is_never_taken_for_dead() {
     let mut house = House::new(PLAIN).await;
     house.acts("long", &[Act::Hang]);
     let job = id(house.drop_file("long", "x").await);
-    house.turn_until(job, State::Running).await;
+    house.at_work(job, 1).await;
     for _ in 0..10 {
         house.advance(10 * 3_600_000);
         house.engine.tick().await.unwrap();
@@ -318,7 +239,7 @@ async fn a_shutdown_parks_the_job_and_does_not_count_its_attempt() {
     house.engine = Engine::new(house.tools.clone(), "run-x".into());
     house.acts("a", &[Act::Hang, Act::Succeed]);
     let job = id(house.drop_file("a", "x").await);
-    house.turn_until(job, State::Running).await;
+    house.at_work(job, 1).await;
     house.engine.stop().await;
     let parked = house.job(job).await;
     assert_eq!((parked.state, parked.attempts, parked.strikes), (State::Queued, 0, 0));
@@ -351,7 +272,7 @@ async fn new_content_calls_off_the_old_and_takes_its_place() {
     let mut house = House::new(PLAIN).await;
     house.acts("a", &[Act::Hang, Act::Succeed]);
     let old = id(house.drop_file("a", "old").await);
-    house.turn_until(old, State::Running).await;
+    house.at_work(old, 1).await;
     let new = id(house.drop_file("a", "new").await);
     house.turn_until(old, State::Cancelled).await;
     assert_eq!(house.turn_until(new, State::Done).await.revision, 2);
@@ -460,13 +381,13 @@ async fn a_crash_between_conversion_and_publishing_costs_no_second_conversion() 
         house.turn_until(old, State::Done).await;
         house.acts("a", &[Act::Hang]);
         let job = id(house.drop_file("a", "new").await);
-        house.turn_until(job, State::Running).await;
+        house.at_work(job, 2).await;
         // As the engine does it, up to where the crash comes.
         let staged = house.folder.path().join(format!("octrees/.staged/{job}"));
         std::fs::create_dir_all(&staged).unwrap();
         std::fs::write(staged.join("metadata.json"), "new").unwrap();
         let inode = std::fs::metadata(&staged).unwrap().ino();
-        assert!(house.tools.store.stage(job, "run-0", inode, "{}", 0).await.unwrap());
+        assert!(house.tools.store.stage(job, "life-0", inode, "{}", 0).await.unwrap());
         if swapped {
             let target = house.folder.path().join("octrees/a");
             let flags = rustix::fs::RenameFlags::EXCHANGE;

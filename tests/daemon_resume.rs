@@ -54,7 +54,7 @@ fn stopped_or_paused_a_large_job_goes_on_from_its_receipts() {
     assert_eq!(resumed(&job), paused, "nothing that was done was done again");
     let expected = converted(&[&daemon.inbox().join("city.las")], &root.path().join("city"));
     assert!(content(&daemon.octree("city")) == expected);
-    assert!(fs::read_dir(daemon.root.join("scratch")).expect("there").next().is_none());
+    daemon.wait_cleared();
 }
 
 #[test]
@@ -64,11 +64,7 @@ fn a_cancelled_job_leaves_no_intermediate_files() {
     with_receipts(&daemon, 5);
     assert_eq!(daemon.post("/api/jobs/1/cancel", "").0, 202);
     daemon.wait("city", "cancelled");
-    for folder in ["scratch", "octrees/.staged"] {
-        wait_for("the janitor", || {
-            fs::read_dir(daemon.root.join(folder)).ok()?.next().is_none().then_some(())
-        });
-    }
+    daemon.wait_cleared();
     // Told to try again, it begins anew.
     assert_eq!(daemon.post("/api/jobs/1/retry", "").0, 200);
     assert_eq!(resumed(&daemon.wait("city", "done")), 0);

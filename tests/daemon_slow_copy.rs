@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use daemon_support::{Daemon, content, converted};
+use daemon_support::{Daemon, content, converted, wait_for};
 
 fn cloud() -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("LODESTONE_DATA") else {
@@ -40,8 +40,10 @@ fn a_slow_copy_is_one_job_begun_when_it_is_whole() {
             // Three settle times.
             std::thread::sleep(Duration::from_millis(1200));
             assert!(daemon.jobs().is_empty(), "begun before it was whole");
-            let waiting = daemon.json("/api/watch")["waiting"].to_string();
-            assert!(waiting.contains("not whole yet"), "{waiting}");
+            wait_for("the word on it", || {
+                let waiting = daemon.json("/api/watch")["waiting"].to_string();
+                waiting.contains("not whole yet").then_some(())
+            });
         }
     }
     let name = cloud.file_name().expect("a name").to_string_lossy().into_owned();

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use daemon_support::{Daemon, content, converted, las};
 use lodestone::stage::journal;
-use lodestone::stage::receipt::Receipt;
+use lodestone::stage::receipt::{Receipt, Unit};
 
 /// So little memory that the large data set is converted out of core.
 const ARGUMENTS: &[&str] = &["--memory-limit", "240M", "--threads", "2", "--max-strikes", "1000000"];
@@ -93,7 +93,7 @@ impl Chance {
 #[derive(Default)]
 struct Watch {
     /// Units with receipts by job.
-    units: BTreeMap<String, BTreeSet<(u8, u32)>>,
+    units: BTreeMap<String, BTreeSet<Unit>>,
     /// Jobs whose journal the janitor has taken: they must be done.
     cleared: BTreeSet<i64>,
     /// Attempts of a job when it was first seen done.
@@ -110,8 +110,8 @@ impl Watch {
                 self.cleared.insert(job.trim_start_matches("job-").parse().expect("a number"));
             }
             let receipts = journal::read(&journal).expect("a journal");
-            let units: Vec<(u8, u32)> = receipts.iter().filter_map(unit).collect();
-            let known: BTreeSet<(u8, u32)> = units.iter().copied().collect();
+            let units: Vec<Unit> = receipts.iter().filter_map(Receipt::unit).collect();
+            let known: BTreeSet<Unit> = units.iter().copied().collect();
             assert_eq!(known.len(), units.len(), "{job} did a unit twice: {units:?}");
             let before = self.units.insert(job.clone(), known.clone()).unwrap_or_default();
             assert!(known.is_superset(&before), "{job} lost a receipt");
@@ -131,16 +131,6 @@ impl Watch {
             assert_eq!(job["state"], "done", "{} lost its receipts", job["name"]);
         }
         jobs.len() == all && jobs.iter().all(|job| job["state"] == "done")
-    }
-}
-
-fn unit(receipt: &Receipt) -> Option<(u8, u32)> {
-    match receipt {
-        Receipt::Spooled { unit, .. } => Some((0, *unit)),
-        Receipt::Surveyed(_) => Some((1, 0)),
-        Receipt::Bucketed { unit, .. } => Some((2, *unit)),
-        Receipt::Built { number, .. } => Some((3, *number)),
-        _ => None,
     }
 }
 
@@ -219,8 +209,5 @@ fn finish(daemon: &mut Daemon, watch: &mut Watch, drops: &Drops) {
         assert!(content(&daemon.octree(name)) == *expected, "{name} is not what convert makes");
     }
     assert!(daemon.stop());
-    for folder in ["scratch", "octrees/.staged"] {
-        let left: Vec<_> = fs::read_dir(daemon.root.join(folder)).expect("there").flatten().collect();
-        assert!(left.is_empty(), "left behind: {left:?}");
-    }
+    daemon.wait_cleared();
 }

@@ -51,7 +51,8 @@ fn the_dashboard_and_the_alerts_ask_for_what_a_daemon_shows() {
     let daemon = daemon_support::Daemon::start(&root.path().join("data"));
     fs::write(daemon.inbox().join("a.las"), daemon_support::las(1_000, 1)).unwrap();
     daemon.wait("a", "done");
-    let shown = daemon.get("/metrics").1;
+    // Counted last of what an end counts.
+    let shown = daemon.wait_metrics(&["lodestone_job_seconds_count 1"]);
 
     let dashboard: serde_json::Value = serde_json::from_str(&read("deploy/grafana-dashboard.json")).unwrap();
     let mut queries =

@@ -4,123 +4,74 @@
 //! and when the disk is well again it is done with the same bytes.
 
 mod daemon_support;
+mod engine_support;
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::time::Duration;
 
 use daemon_support::{content, las};
-use lodestone::clock::Clock;
-use lodestone::config::{Config, Layer};
+use engine_support::{House, arrival, configured, fast_folder};
 use lodestone::disk::Disk;
 use lodestone::engine::converter::Conduct;
-use lodestone::engine::{Engine, Tools};
-use lodestone::job::{Event, Input, Job, State};
-use lodestone::metrics::Metrics;
-use lodestone::store::board::Board;
-use lodestone::store::{Arrival, Kind, Store};
+use lodestone::job::{Event, Job, State};
 
-struct House {
-    folder: tempfile::TempDir,
-    tools: Tools,
-    engine: Engine,
-    now: Arc<AtomicI64>,
+/// One cloud in a house on a disk that fails.
+struct Test {
+    house: House<Conduct>,
     job: i64,
 }
 
-impl House {
-    async fn new(memory: u64, disk: Disk) -> House {
+impl Test {
+    async fn new(memory: u64, disk: Disk) -> Test {
         // On memory, where there is any: only our own faults are wanted.
-        let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
-        let layer: Layer = toml::from_str("disk_reserve = 0\nthreads = 2\nlight_jobs = 1").unwrap();
-        let mut config = Config::from_layer(layer).unwrap();
-        config.root = folder.path().to_path_buf();
+        let folder = fast_folder();
+        let mut config = configured(folder.path(), "disk_reserve = 0\nthreads = 2\nlight_jobs = 1");
         config.memory_limit = memory;
-        for sub in ["inbox", "octrees/.staged", "scratch"] {
-            std::fs::create_dir_all(config.root.join(sub)).unwrap();
-        }
-        let now = Arc::new(AtomicI64::new(1_000_000));
-        let tools = Tools {
-            store: Store::open(&config.database()).await.unwrap(),
-            config: Arc::new(config),
-            board: Board::default(),
-            metrics: Metrics::new().unwrap(),
-            clock: Clock::Manual(now.clone()),
-            disk,
-            converter: Arc::new(Conduct),
-            bell: Arc::default(),
-        };
-        let engine = Engine::new(tools.clone(), "run-0".into());
-        let mut house = House { folder, tools, engine, now, job: 0 };
-        house.job = house.drop_cloud().await;
-        house
-    }
-
-    async fn drop_cloud(&self) -> i64 {
-        use std::os::unix::fs::MetadataExt;
-        let path = self.folder.path().join("inbox/cloud.las");
+        let house = House::with(folder, config, disk).await;
+        let path = house.source("cloud");
         std::fs::write(&path, las(60_000, 5)).unwrap();
-        let meta = std::fs::metadata(&path).unwrap();
-        let mtime_ns = meta.mtime() * 1_000_000_000 + meta.mtime_nsec();
-        let arrival = Arrival {
-            path: path.clone(),
-            kind: Kind::File,
-            name: "cloud".into(),
-            stamp: "stamp".into(),
-            content_key: "content".into(),
-            inputs: vec![Input { path, size: meta.len(), mtime_ns, hash: "hash".into() }],
-            options: "{}".into(),
-            priority: 0,
-            points: 60_000,
-        };
-        self.tools.store.take_in(&arrival, 0).await.unwrap().job()
+        let job = house.tools.store.take_in(&arrival(&path, "content", 60_000), 0).await.unwrap().job();
+        Test { house, job }
     }
 
     async fn job(&self) -> Job {
-        self.tools.store.job(self.job).await.unwrap()
+        self.house.job(self.job).await
     }
 
-    /// Turns the wheel until the job's run has ended.
+    /// Turns the wheel until the job's run has ended, or it is held.
     async fn turn(&mut self) -> Job {
-        for _ in 0..10_000 {
-            self.engine.tick().await.expect("the engine lives");
-            let job = self.job().await;
-            if job.state != State::Running && (job.attempts > 0 || job.hold.is_some()) {
-                return job;
-            }
-            let bell = self.tools.bell.clone();
-            let _ = tokio::time::timeout(Duration::from_millis(20), bell.notified()).await;
-        }
-        panic!("it never ends: {:?}", self.job().await);
+        let ended = |job: &Job| job.state != State::Running && (job.attempts > 0 || job.hold.is_some());
+        self.house.turn_until_so(self.job, "ended", ended).await
     }
 
     fn octree(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        content(&self.folder.path().join("octrees/cloud"))
+        content(&self.house.folder.path().join("octrees/cloud"))
     }
 }
 
 /// The bytes of an unharmed run, and whether it needed scratch.
 async fn unharmed(memory: u64) -> (BTreeMap<PathBuf, Vec<u8>>, bool) {
-    let mut house = House::new(memory, Disk::new()).await;
-    let job = house.turn().await;
+    let mut test = Test::new(memory, Disk::new()).await;
+    let job = test.turn().await;
     assert_eq!(job.state, State::Done, "{job:?}");
     let scratch = job.result.unwrap()["scratch_bytes"].as_u64().unwrap();
-    (house.octree(), scratch > 0)
+    (test.octree(), scratch > 0)
 }
 
 /// Fails the `nth` operation; false where the run never came to it.
 async fn one_fault(nth: i64, error: ErrorKind, memory: u64, expected: &BTreeMap<PathBuf, Vec<u8>>) -> bool {
     let disk = Disk::failing_from(nth, error);
-    let mut house = House::new(memory, disk.clone()).await;
-    let job = house.turn().await;
+    let mut test = Test::new(memory, disk.clone()).await;
+    let job = test.turn().await;
     let struck = disk.has_failed();
     match job.state {
         State::Queued | State::Failed => {
             let why = job.error.as_deref().or(job.hold.as_deref()).expect("a reason");
-            assert!(struck && why.contains(house.folder.path().to_str().unwrap()), "operation {nth}: {why}");
+            assert!(
+                struck && why.contains(test.house.folder.path().to_str().unwrap()),
+                "operation {nth}: {why}"
+            );
             assert_eq!(job.strikes, 0, "operation {nth}: a failing disk is no strike: {why}");
         }
         // The fault came in clearing up, when all was done.
@@ -128,22 +79,21 @@ async fn one_fault(nth: i64, error: ErrorKind, memory: u64, expected: &BTreeMap<
         other => panic!("operation {nth}: {other:?}"),
     }
     disk.heal();
-    house.now.fetch_add(3_600_000, Ordering::SeqCst);
+    test.house.advance(3_600_000);
     if nth % 2 == 1 {
         // The daemon was started anew meanwhile.
-        house.engine = Engine::new(house.tools.clone(), "run-1".into());
-        house.engine.recover().await.unwrap();
+        test.house.crash().await;
     }
     if job.state == State::Failed {
-        house.tools.store.order(house.job, Event::Retry, 0).await.unwrap();
+        test.house.tools.store.order(test.job, Event::Retry, 0).await.unwrap();
     }
-    while house.job().await.state != State::Done {
-        let job = house.turn().await;
+    while test.job().await.state != State::Done {
+        let job = test.turn().await;
         assert_eq!(job.state, State::Done, "operation {nth}, on a healthy disk: {job:?}");
     }
-    assert!(house.octree() == *expected, "operation {nth}: other bytes");
+    assert!(test.octree() == *expected, "operation {nth}: other bytes");
     for sub in ["scratch", "octrees/.staged"] {
-        let left: Vec<_> = std::fs::read_dir(house.folder.path().join(sub)).unwrap().collect();
+        let left: Vec<_> = std::fs::read_dir(test.house.folder.path().join(sub)).unwrap().collect();
         assert!(left.is_empty(), "operation {nth}: {left:?}");
     }
     struck

@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lodestone::format::las::{LasError, LasFile, LasOptions, LasWriter, record_length};
+use lodestone::format::las::{LasError, LasFile, LasOptions, LasWriter, Vlr, record_length};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -49,7 +49,7 @@ fn good(folder: &Path, point_format: u8, compressed: bool) -> Vec<u8> {
         offset: [0.0; 3],
         compressed,
         extra: Vec::new(),
-        crs_wkt: Some("PROJCS[\"somewhere\"]".to_string()),
+        crs: vec![Vlr::wkt("PROJCS[\"somewhere\"]")],
         software: "Lodestone".to_string(),
     };
     let length = record_length(point_format).unwrap();

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use common::judge::{Held, IN_CORE, field, held, held_with, patch, write_points};
 use common::{convert, octree_bytes, options_of, surface, write_las};
 use lodestone::cloud::attribute::{ExtraField, Scalar};
-use lodestone::format::las::{LasOptions, record_length};
+use lodestone::format::las::{LasOptions, Vlr, record_length};
 use lodestone::format::potree::MetadataAttribute;
 use lodestone::stage::options::Options;
 
@@ -263,7 +263,7 @@ fn reference_systems_of_every_make_reach_the_octree() {
     let compound = r#"COMPD_CS["both",PROJCS["flat"],VERT_CS["up"]]"#;
     let wkt2 = r#"PROJCRS["ETRS89 / UTM zone 32N",BASEGEOGCRS["ETRS89"]]"#;
     for wkt in [None, Some(compound), Some(wkt2)] {
-        let options = LasOptions { crs_wkt: wkt.map(String::from), ..modern(6) };
+        let options = LasOptions { crs: wkt.into_iter().map(Vlr::wkt).collect(), ..modern(6) };
         let held = of(&options, &records, folder.path());
         assert_eq!(held.metadata.projection, wkt.unwrap_or_default());
     }
@@ -271,7 +271,7 @@ fn reference_systems_of_every_make_reach_the_octree() {
     let tiles = folder.path().join("tiles");
     fs::create_dir(&tiles).unwrap();
     for (name, wkt) in [("a.las", None), ("b.las", Some(compound)), ("c.las", Some(wkt2))] {
-        let options = LasOptions { crs_wkt: wkt.map(String::from), ..modern(6) };
+        let options = LasOptions { crs: wkt.into_iter().map(Vlr::wkt).collect(), ..modern(6) };
         write_las(&tiles.join(name), &options, &records);
     }
     let held = held(&tiles, &folder.path().join("octree"));

@@ -82,9 +82,11 @@ fn an_unreadable_file_is_told_and_taken_when_it_becomes_readable() {
         fs::set_permissions(folder, fs::Permissions::from_mode(0o777)).expect("opened");
     }
     let daemon = Daemon::start_by(&by, &data, &["--patience-seconds", "0.5"], &[]);
-    let secret = daemon.inbox().join("secret.las");
-    fs::write(&secret, las(500, 1)).expect("written");
-    fs::set_permissions(&secret, fs::Permissions::from_mode(0o600)).expect("closed");
+    // Closed before it is dropped, or it might be taken in between.
+    let (outside, secret) = (root.path().join("secret.las"), daemon.inbox().join("secret.las"));
+    fs::write(&outside, las(500, 1)).expect("written");
+    fs::set_permissions(&outside, fs::Permissions::from_mode(0o600)).expect("closed");
+    fs::rename(&outside, &secret).expect("dropped");
     fs::write(daemon.inbox().join("open.las"), las(500, 2)).expect("dropped");
     daemon.wait("open", "done");
     wait_for("the word on it", || {

@@ -15,10 +15,9 @@ use std::time::Duration;
 use common::{context, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
-use lodestone::stage::context::Context;
 use lodestone::stage::journal;
 use lodestone::stage::options::{Encoding, Options, Sampling};
-use lodestone::stage::receipt::Receipt;
+use lodestone::stage::receipt::{Receipt, Unit};
 use lodestone::stage::scratch::units_done;
 
 const OUT_OF_CORE: u64 = 45 << 20;
@@ -41,19 +40,10 @@ fn uninterrupted(folder: &Path, input: &Path, options: &Options) -> [Vec<u8>; 3]
     octree_bytes(&output)
 }
 
-/// Receipts for work done, by kind and number; none may come twice.
-fn units(scratch: &Path) -> Vec<(u8, u32)> {
+/// Work that has receipts; none may come twice.
+fn units(scratch: &Path) -> Vec<Unit> {
     let receipts = journal::read(&scratch.join("journal")).unwrap();
-    receipts
-        .iter()
-        .filter_map(|receipt| match receipt {
-            Receipt::Spooled { unit, .. } => Some((0, *unit)),
-            Receipt::Surveyed(_) => Some((1, 0)),
-            Receipt::Bucketed { unit, .. } => Some((2, *unit)),
-            Receipt::Built { number, .. } => Some((3, *number)),
-            _ => None,
-        })
-        .collect()
+    receipts.iter().filter_map(Receipt::unit).collect()
 }
 
 /// The scratch folder that `convert` makes beside its output.
@@ -130,7 +120,8 @@ fn killed_after_every_few_units_the_bytes_are_the_same_and_no_unit_is_done_twice
             done = known;
             assert!(kills < 200, "it never gets on");
         }
-        assert!(kills >= 5, "{kills} kills");
+        // Many on an idle machine, few where the killer has to wait for its turn.
+        assert!(kills >= 2, "{kills} kills");
         assert!(octree_bytes(&output) == expected, "{compressed} {encoding:?} {sampling:?}");
         assert_eq!(listing(&out), ["octree"], "nothing stays behind");
     }
@@ -138,20 +129,30 @@ fn killed_after_every_few_units_the_bytes_are_the_same_and_no_unit_is_done_twice
 
 /// Stops a conversion in this process by its cancel flag, once it has done
 /// `stop_at` units; its remains stay in `folder`.
-fn stopped(folder: &Path, input: &Path, options: &Options, stop_at: u64) -> Context {
-    let means = context(folder, 2, OUT_OF_CORE);
-    let (watched, cancel) = (means.scratch.clone(), means.cancel.clone());
-    let watcher = std::thread::spawn(move || {
-        while units_done(&watched) < stop_at {
-            std::thread::sleep(Duration::from_micros(200));
+fn stopped(folder: &Path, input: &Path, options: &Options, stop_at: u64) {
+    let output = folder.join("octree");
+    // A machine may be so busy that the conversion is through before it is stopped.
+    for _ in 0..50 {
+        let means = context(folder, 2, OUT_OF_CORE);
+        let wanted = request(&[input.to_path_buf()], &output, options);
+        let result = std::thread::scope(|scope| {
+            let conversion = scope.spawn(|| conduct::convert(&wanted, &means));
+            while units_done(&means.scratch) < stop_at && !conversion.is_finished() {
+                std::thread::sleep(Duration::from_micros(200));
+            }
+            means.cancel.cancel();
+            conversion.join().unwrap()
+        });
+        match result {
+            Ok(_) => fs::remove_dir_all(&output).unwrap(),
+            Err(error) => {
+                assert!(error.is_cancelled(), "{error}");
+                assert!(units_done(&means.scratch) >= stop_at);
+                return;
+            }
         }
-        cancel.cancel();
-    });
-    let error = conduct::convert(&request(&[input.to_path_buf()], &folder.join("octree"), options), &means);
-    watcher.join().unwrap();
-    assert!(error.unwrap_err().is_cancelled());
-    assert!(units_done(&means.scratch) >= stop_at);
-    context(folder, 2, OUT_OF_CORE)
+    }
+    panic!("it was never stopped in time");
 }
 
 fn go_on(folder: &Path, input: &Path, options: &Options) -> Outcome {

@@ -137,7 +137,7 @@ fn options() -> LasOptions {
         offset: [500_000.0, 4_100_000.0, 0.0],
         compressed: false,
         extra: extra.to_vec(),
-        crs_wkt: None,
+        crs: Vec::new(),
         software: String::new(),
     }
 }

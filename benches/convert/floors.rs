@@ -111,7 +111,7 @@ fn unpack(from: &Path, to: &Path) -> Outcome<()> {
             offset: header.offset,
             compressed: false,
             extra: header.extra.clone(),
-            crs_wkt: None,
+            crs: Vec::new(),
             software: "lodestone bench".to_string(),
         },
     )?;

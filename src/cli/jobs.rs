@@ -50,6 +50,8 @@ enum Action {
     Pause { id: JobId },
     /// Let a paused job go on
     Resume { id: JobId },
+    /// Make the pictures of a job's octree, be it once more
+    Preview { id: JobId },
     /// Remove the records of ended jobs; those whose octree is there stay
     Purge {
         /// Only those that ended before so long, as in 12h, 30d or 8w
@@ -117,6 +119,10 @@ async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<Str
         Action::Cancel { id } => order(*id, Event::Cancel).await?,
         Action::Pause { id } => order(*id, Event::Pause).await?,
         Action::Resume { id } => order(*id, Event::Resume).await?,
+        Action::Preview { id } => {
+            store.order_preview(*id, now).await?;
+            *id
+        }
         Action::Priority { id, priority } => {
             store.set_priority(*id, *priority, now).await?;
             *id
@@ -168,6 +174,11 @@ async fn show(store: &Store, job: &Job) -> Result<String, StoreError> {
     text += &format!("\nsource    {}\nrevision  {}\n", job.source.display(), job.revision);
     if let Some(by) = job.superseded_by {
         text += &format!("replaced  by job {by}\n");
+    }
+    // The queue of a daemon that is older than this program knows of none.
+    if let Some(preview) = store.previews(&[job.id]).await.unwrap_or_default().get(&job.id) {
+        let why = preview.error.as_deref().map(|error| format!(", {error}")).unwrap_or_default();
+        text += &format!("preview   {}{why}\n", preview.state.name());
     }
     text += "\ninputs\n";
     for input in store.inputs(job.id).await? {

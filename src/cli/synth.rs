@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::{Exit, failed};
-use crate::format::las::{LasError, LasOptions, LasWriter};
+use crate::format::las::{LasError, LasOptions, LasWriter, Vlr};
 use crate::synth::{Kind, Recipe, Scene, SceneError, Tile};
 
 /// Make a synthetic cloud: the same bytes from the same seed on every machine.
@@ -128,7 +128,7 @@ fn options(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> La
         offset: tile.lattice.offset,
         compressed: arguments.laz || named_laz,
         extra: Vec::new(),
-        crs_wkt: scene.is_on_earth().then(|| UTM_32.to_string()),
+        crs: scene.is_on_earth().then(|| Vlr::wkt(UTM_32)).into_iter().collect(),
         software: format!("lodestone {}", env!("CARGO_PKG_VERSION")),
     }
 }

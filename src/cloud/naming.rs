@@ -13,7 +13,8 @@ pub(super) fn merge(
     taken: &[usize],
 ) -> usize {
     let base = attribute.name.clone();
-    for number in 2.. {
+    let mut number = 1u64;
+    loop {
         let found = merged.iter().position(|(m, _)| m.name == attribute.name);
         let reserved = is_extra && is_reserved(&attribute.name);
         match found {
@@ -25,10 +26,10 @@ pub(super) fn merge(
                 merged[i].1 |= used;
                 return i;
             }
-            _ => attribute.name = format!("{base} ({number})"),
+            _ => number += 1,
         }
+        attribute.name = format!("{base} ({number})");
     }
-    unreachable!("numbers do not run out")
 }
 
 fn same_values(a: &Attribute, b: &Attribute) -> bool {

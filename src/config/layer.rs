@@ -9,6 +9,7 @@ use super::ConfigError;
 use super::hook::Hook;
 use super::size::Size;
 use super::sources::OnDone;
+use crate::render::colour::ColorBy;
 use crate::stage::options::{Damaged, Encoding, Mode, Sampling};
 
 /// What one source of configuration says; what it leaves out is empty.
@@ -106,6 +107,15 @@ pub struct Layer {
     /// What becomes of records that equal another in every attribute [default: keep].
     #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
     pub twins: Option<Mode>,
+    /// Make pictures of each octree after it is published, at low priority [default: true].
+    #[arg(long, env = "LODESTONE_PREVIEW", num_args = 0..=1, default_missing_value = "true")]
+    pub preview: Option<bool>,
+    /// Pictures of the turntable among them; 0 for none [default: 36].
+    #[arg(long, env = "LODESTONE_PREVIEW_FRAMES", value_name = "N")]
+    pub preview_frames: Option<u32>,
+    /// What they are coloured by; where a cloud has no such attribute, by what it has [default: auto].
+    #[arg(long, env = "LODESTONE_PREVIEW_COLOR", value_enum, ignore_case = true, value_name = "WHAT")]
+    pub preview_color: Option<ColorBy>,
 }
 
 impl Layer {
@@ -151,6 +161,9 @@ impl Layer {
             outliers: self.outliers.or(other.outliers),
             duplicates: self.duplicates.or(other.duplicates),
             twins: self.twins.or(other.twins),
+            preview: self.preview.or(other.preview),
+            preview_frames: self.preview_frames.or(other.preview_frames),
+            preview_color: self.preview_color.or(other.preview_color),
         }
     }
 }

@@ -15,6 +15,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
 use crate::job::verdict::Policy;
+use crate::render::colour::ColorBy;
 use crate::stage::machine;
 use crate::stage::options::{Mode, Options};
 use hook::Hook;
@@ -38,6 +39,9 @@ pub enum ConfigError {
 
 /// Memory that a conversion needs to work out of core with usual records.
 pub const LEAST_MEMORY: u64 = 64 << 20;
+
+/// Of a turntable: two a degree.
+const MOST_FRAMES: u32 = 720;
 
 /// Milliseconds.
 const MINUTE: f64 = 60_000.0;
@@ -72,6 +76,11 @@ pub struct Config {
     pub keep: Option<i64>,
     /// Options of conversions whose data set does not say its own.
     pub options: Options,
+    /// Whether pictures of octrees are made.
+    pub preview: bool,
+    /// Of the turntable; 0 is no turntable.
+    pub preview_frames: u32,
+    pub preview_color: ColorBy,
 }
 
 impl Config {
@@ -166,6 +175,17 @@ impl Config {
                 twins: layer.twins.unwrap_or(Mode::Keep),
                 ..Options::default()
             },
+            preview: layer.preview.unwrap_or(true),
+            preview_frames: match layer.preview_frames.unwrap_or(36) {
+                frames @ 0..=MOST_FRAMES => frames,
+                frames => {
+                    return Err(wrong(
+                        "preview_frames",
+                        format!("{frames} is not between 0 and {MOST_FRAMES}"),
+                    ));
+                }
+            },
+            preview_color: layer.preview_color.unwrap_or_default(),
         })
     }
 
@@ -203,6 +223,9 @@ impl Config {
             outliers: Some(self.options.outliers),
             duplicates: Some(self.options.duplicates),
             twins: Some(self.options.twins),
+            preview: Some(self.preview),
+            preview_frames: Some(self.preview_frames),
+            preview_color: Some(self.preview_color),
         }
     }
 }
@@ -266,6 +289,7 @@ mod tests {
         assert!(error("threads = 0").contains("threads"));
         assert!(error("memory_limit = '1M'").contains("memory_limit"));
         assert!(error("stall_minutes = -1").contains("stall_minutes"));
+        assert!(error("preview_frames = 721").contains("--preview-frames"));
         assert!(error("keep_days = nan").contains("keep_days"));
         assert!(error("listen = 'everywhere'").contains("`everywhere`"));
         let unknown = toml::from_str::<Layer>("setle_seconds = 1").expect_err("a typing error").to_string();
@@ -297,7 +321,8 @@ mod tests {
     fn the_effective_configuration_reads_back_as_itself() {
         let config =
             Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']\n\
-                 on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0"))
+                 on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0\n\
+                 preview = false\npreview_frames = 72\npreview_color = 'height'"))
                 .expect("a configuration");
         assert_eq!((config.stall, config.keep), (Some(30_000), None));
         let text = toml::to_string(&config.to_layer()).expect("TOML");

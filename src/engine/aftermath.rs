@@ -1,7 +1,7 @@
 //! What follows from a job's end, beside the engine's wheel and never in its way:
-//! its sources are put away, its hook is told, and long after its record goes. The
-//! debts stand in the queue
-//! ([`crate::store`]); what is only known here may be forgotten by a crash.
+//! its sources are put away, its hook is told, pictures are made of its octree, and
+//! long after its record goes. The debts stand in the queue ([`crate::store`]);
+//! what is only known here may be forgotten by a crash.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -10,6 +10,7 @@ use tokio::task::{JoinHandle, JoinSet};
 
 use super::Tools;
 use super::hook::{self, Ended};
+use super::preview::Previews;
 use super::sources::{self, Left, Plan, PutAway};
 use crate::clock::Millis;
 use crate::job::{JobId, State};
@@ -41,6 +42,7 @@ pub(super) struct Aftermath {
     cleared_at: Millis,
     purging: Option<JoinHandle<()>>,
     purged_at: Millis,
+    previews: Previews,
 }
 
 impl Aftermath {
@@ -51,6 +53,7 @@ impl Aftermath {
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
+        self.previews.turn(tools, stopping).await?;
         if stopping {
             return Ok(());
         }
@@ -202,7 +205,8 @@ impl Aftermath {
     /// begun again at the next start.
     pub async fn stop(&mut self, tools: &Tools, end: Millis) {
         self.cancel.cancel();
-        while self.carrying.is_some() || !self.hooks.is_empty() {
+        self.previews.stop();
+        while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
             if let Err(error) = self.turn(tools, true).await {
                 tracing::error!(%error, "while stopping");
             }
@@ -210,6 +214,9 @@ impl Aftermath {
                 break;
             }
             let _ = tokio::time::timeout(Duration::from_millis(50), tools.bell.notified()).await;
+        }
+        if let Err(error) = self.previews.abandon(tools).await {
+            tracing::error!(%error, "while stopping; its attempt counts");
         }
         self.hooks.shutdown().await;
     }

@@ -9,7 +9,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::report;
-use crate::disk::{DirLock, Disk};
+use crate::disk::{self, DirLock, Disk};
 use crate::format::inputs;
 use crate::format::las::LasError;
 use crate::stage::context::{Context, Stage};
@@ -23,7 +23,7 @@ use crate::stage::publish::{self, Octree};
 use crate::stage::receipt::Receipt;
 use crate::stage::scratch::{Scratch, units_done};
 use crate::stage::set_aside::{self, Reason};
-use crate::stage::staging::{self, Staging, staging_folder};
+use crate::stage::staging::Staging;
 use crate::stage::survey::{self, Opened};
 
 /// What is to be converted into which folder.
@@ -123,7 +123,7 @@ struct Ended {
 }
 
 fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
-    let mut traces = Traces::new(request, context);
+    let mut traces = Traces::new(context);
     let result = run_stages(request, context, &mut traces);
     let resumed = traces.resumed;
     match &result {
@@ -151,7 +151,6 @@ struct Traces {
     disk: Disk,
     /// Staging, then scratch; empty until they are ours.
     folders: Vec<PathBuf>,
-    wanted: [PathBuf; 2],
     /// Whether receipts of an earlier run were taken up.
     resumed: bool,
     /// Held until all is taken away.
@@ -159,13 +158,12 @@ struct Traces {
 }
 
 impl Traces {
-    fn new(request: &Request, context: &Context) -> Traces {
-        let wanted = [staging_folder(&request.output), context.scratch.clone()];
-        Traces { disk: context.disk.clone(), folders: Vec::new(), wanted, resumed: false, locks: Vec::new() }
+    fn new(context: &Context) -> Traces {
+        Traces { disk: context.disk.clone(), folders: Vec::new(), resumed: false, locks: Vec::new() }
     }
 
-    fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>) {
-        self.folders = self.wanted.to_vec();
+    fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>, context: &Context) {
+        self.folders = vec![staging.folder.clone(), context.scratch.clone()];
         self.locks.push(staging.lock.clone());
         self.locks.extend(scratch.map(|scratch| scratch.lock.clone()));
     }
@@ -195,7 +193,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let mut opened = survey::open(&paths, options.damaged, context)?;
     let staging = Staging::open(disk, &request.output)?;
     let scratch = open_scratch(request, context, &opened, &staging)?;
-    traces.are_ours(&staging, scratch.as_deref());
+    traces.are_ours(&staging, scratch.as_deref(), context);
     if let Some(outcome) = scratch.as_ref().and_then(|scratch| finished_before(request, scratch)) {
         context.progress.begin(Stage::Done, outcome.points_in);
         context.progress.advance(outcome.points_in);
@@ -292,7 +290,7 @@ fn open_scratch(
 /// name.
 fn finished_before(request: &Request, scratch: &Scratch) -> Option<Outcome> {
     let (inode, outcome) = scratch.past.finished.as_ref()?;
-    if staging::inode(&request.output) != Some(*inode) {
+    if disk::inode(&request.output).ok() != Some(*inode) {
         return None;
     }
     serde_json::from_str(outcome).ok()

@@ -1,11 +1,13 @@
 //! What the engine asks of a conversion. A trait, so that the queue can be tried
 //! with conversions that are slow, fail, panic or never end.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::conduct::{self, Request};
+use crate::render;
 use crate::stage::context::Context;
 use crate::stage::options::Options;
+use crate::stage::preview::{self, Preview};
 
 /// What is to be converted.
 #[derive(Debug, Clone)]
@@ -41,6 +43,18 @@ pub struct Failure {
 pub trait Converter: Send + Sync + 'static {
     /// Converts, taking as long as it takes; looks at `context.cancel`.
     fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure>;
+
+    /// Draws the pictures of an octree into a folder. What stands in for
+    /// conversions need not know how.
+    fn preview(
+        &self,
+        octree: &Path,
+        into: &Path,
+        options: &preview::Options,
+        context: &Context,
+    ) -> render::Result<Preview> {
+        preview::preview(octree, into, options, context)
+    }
 }
 
 /// The real one.

@@ -6,6 +6,7 @@ use super::worker::Finished;
 use super::{Engine, Running, Stop, preflight, publish, sources, stall};
 use crate::clock::Millis;
 use crate::config::sources::OnDone;
+use crate::disk::inode;
 use crate::job::verdict::End;
 use crate::job::{Event, State, Wish, machine};
 use crate::store::{Ending, Result};
@@ -52,7 +53,7 @@ impl Engine {
                     self.tools.store.owe_sources(running.job.id, &self.owner, what).await?;
                 }
                 let staging = publish::staging(&self.tools.config, running.job.id);
-                let inode = publish::inode(&staging).unwrap_or(0);
+                let inode = inode(&staging).unwrap_or(0);
                 let (now, result) = (self.tools.clock.now(), report.json.to_string());
                 let store = &self.tools.store;
                 if inode != 0 && !store.stage(running.job.id, &self.owner, inode, &result, now).await? {

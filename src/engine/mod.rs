@@ -13,6 +13,7 @@ mod hook;
 pub mod intake;
 pub mod janitor;
 mod preflight;
+mod preview;
 mod publish;
 pub mod report;
 mod sources;
@@ -171,7 +172,7 @@ impl Engine {
     /// 3. Look at the progress of running jobs; note it as a heartbeat. Stop what
     ///    stands still, and give up what does not stop.
     /// 4. Start what fits into the free lanes; say of the rest why it waits.
-    /// 5. See to what follows from ends: put sources away, tell hooks.
+    /// 5. See to what follows from ends: sources, hooks, pictures.
     ///
     /// An error means that the queue did not answer; nothing is lost by it, and
     /// the next tick goes on.

@@ -5,15 +5,12 @@
 //! the two are told apart, the new octree and the old one that it replaces: the
 //! swap exchanges their names, and looks the same from both sides.
 
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-
-use rustix::fs::{CWD, RenameFlags, renameat_with};
 
 use super::Tools;
 use super::converter::Failure;
 use crate::config::Config;
-use crate::disk::{Disk, DiskError};
+use crate::disk::{Disk, DiskError, inode};
 use crate::job::{Job, JobId};
 
 /// Where octrees wait to be published.
@@ -24,10 +21,6 @@ pub(super) fn staging_area(config: &Config) -> PathBuf {
 /// Where a job's octree is made.
 pub(super) fn staging(config: &Config, job: JobId) -> PathBuf {
     staging_area(config).join(job.to_string())
-}
-
-pub(super) fn inode(path: &Path) -> std::io::Result<u64> {
-    std::fs::symlink_metadata(path).map(|meta| meta.ino())
 }
 
 /// Brings the octree whose folder has this inode into its place. May be called
@@ -57,32 +50,13 @@ fn swap(disk: &Disk, from: &Path, to: &Path, staged: u64) -> Result<(), DiskErro
     if inode(from).map_err(failed)? != staged {
         return Err(failed(std::io::Error::other("the staged octree is not the one that was converted")));
     }
-    if to.symlink_metadata().is_err() {
-        return disk.rename(from, to);
-    }
-    match renameat_with(CWD, from, CWD, to, RenameFlags::EXCHANGE) {
-        Ok(()) => {
-            for folder in [to.parent(), from.parent()].into_iter().flatten() {
-                disk.sync_dir(folder)?;
-            }
-            disk.remove_dir_all(from)
-        }
-        // Some file systems cannot exchange; the octree is then missing for a
-        // moment, but never half there.
-        Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => {
-            let old = from.with_extension("old");
-            disk.remove_dir_all(&old)?;
-            disk.rename(to, &old)?;
-            disk.rename(from, to)?;
-            disk.remove_dir_all(&old)
-        }
-        Err(errno) => Err(failed(errno.into())),
-    }
+    disk.replace_dir(from, to)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
     use std::fs;
 
     fn octree(path: &Path, text: &str) -> u64 {

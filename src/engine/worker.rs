@@ -46,11 +46,15 @@ pub(super) fn start(
 }
 
 fn panicked(panic: &(dyn Any + Send)) -> Failure {
+    Failure { message: last_words("the conversion", panic), may_pass: false, panicked: true }
+}
+
+/// What to tell of a panic.
+pub(super) fn last_words(what: &str, panic: &(dyn Any + Send)) -> String {
     let text = panic
         .downcast_ref::<&str>()
         .map(|text| text.to_string())
         .or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "without a word".to_string());
-    let message = format!("the conversion panicked: {text} (this is a bug in Lodestone; please report it)");
-    Failure { message, may_pass: false, panicked: true }
+    format!("{what} panicked: {text} (this is a bug in Lodestone; please report it)")
 }

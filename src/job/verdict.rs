@@ -100,7 +100,8 @@ fn strike(tally: Tally, policy: &Policy, otherwise: Event, wait: i64) -> Verdict
     Verdict { event: otherwise, tally, wait }
 }
 
-fn wait_after(postponements: u32, policy: &Policy) -> i64 {
+/// How long to wait after so many failures, in milliseconds.
+pub fn wait_after(postponements: u32, policy: &Policy) -> i64 {
     let doublings = postponements.saturating_sub(1).min(30);
     policy.first_wait.saturating_mul(1 << doublings).min(policy.longest_wait)
 }

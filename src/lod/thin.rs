@@ -15,6 +15,11 @@ use crate::cloud::cube::Frame;
 
 /// Most points that a node takes from its children.
 pub const NODE_LIMIT: usize = 1 << 17;
+/// Beyond so many, a node takes no more than half of what lies below it. A dense
+/// volume would give all of its points to the nodes above its leaves, which would
+/// be left empty, and as many points as the cloud has would rise at once. No
+/// surface comes near: its samples are some 128² points.
+const HALVED_BEYOND: usize = 1 << 15;
 
 /// Reusable memory for thinning.
 pub struct Thinner {
@@ -38,7 +43,8 @@ impl Thinner {
     /// Takes back flags (one a candidate, in the order given) until at most
     /// `limit` are left.
     pub fn thin(&mut self, frame: Frame, candidates: &[&[Item]], taken: &mut [bool]) {
-        if taken.len() <= self.limit || taken.iter().filter(|t| **t).count() <= self.limit {
+        let limit = self.limit.min(HALVED_BEYOND.max(taken.len() / 2));
+        if taken.len() <= limit || taken.iter().filter(|t| **t).count() <= limit {
             return;
         }
         let all = candidates.iter().flat_map(|c| c.iter()).zip(0..);
@@ -48,7 +54,7 @@ impl Thinner {
                 .map(|(item, flag)| Item { at: item.at, index: flag }),
         );
         taken.fill(false);
-        for flag in self.orderer.coarse_to_fine(frame, &self.accepted).take(self.limit) {
+        for flag in self.orderer.coarse_to_fine(frame, &self.accepted).take(limit) {
             taken[flag as usize] = true;
         }
     }

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
 
+use crate::stage::machine;
+
 /// What a run took.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
@@ -54,7 +56,7 @@ pub fn run_within(command: &mut Command, limit: Duration) -> io::Result<Ended> {
     // Left as a zombie (NOWAIT), so that its times can still be read.
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     while waitid(WaitId::Pid(id), options)?.is_none() {
-        peak = peak_memory(child.id()).unwrap_or(0).max(peak);
+        peak = machine::peak_memory_of(child.id()).unwrap_or(0).max(peak);
         if start.elapsed() > limit && !late {
             late = true;
             child.kill()?;
@@ -65,12 +67,6 @@ pub fn run_within(command: &mut Command, limit: Duration) -> io::Result<Ended> {
     let cpu = processor_time(child.id())?;
     let status = child.wait()?;
     Ok(Ended { run: Run { wall, cpu, peak }, status, late })
-}
-
-fn peak_memory(id: u32) -> Option<u64> {
-    let status = fs::read_to_string(format!("/proc/{id}/status")).ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
 }
 
 /// User and system seconds (fields 14 and 15 of proc(5)'s stat), in steps of a

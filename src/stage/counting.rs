@@ -21,7 +21,7 @@ use crate::cloud::cube::Cube;
 use crate::cloud::lattice::{self, Lattice, Requantise, SourceGrid};
 use crate::cloud::plan;
 use crate::cloud::record;
-use crate::format::las::LasFile;
+use crate::format::las::{LasFile, returns_of};
 use crate::format::potree;
 
 /// What the passes over the points find: enough to go on without them.
@@ -32,7 +32,6 @@ pub struct Findings {
     pub census: Census,
     /// The part of the cloud that goes into the octree.
     pub region: Region,
-    pub passes: u32,
     pub notes: Vec<String>,
 }
 
@@ -85,6 +84,18 @@ pub struct Found {
     pub grid: SourceGrid,
     /// All records ORed: which bytes are ever used.
     pub ored: Vec<u8>,
+    /// All of its points, outliers too, by return.
+    pub returns: [u64; 16],
+}
+
+impl Found {
+    /// Whether the header counts other returns than there are. One that counts
+    /// none says nothing; nor can one be right for points that are missing.
+    fn belies_returns(&self, file: &LasFile) -> bool {
+        let header = file.header();
+        let said = header.returns.iter().zip(&self.returns[1..]);
+        header.missing == 0 && said.into_iter().any(|(said, counted)| said != counted)
+    }
 }
 
 /// A file of which nothing is left has no bounds; those of a point that is left
@@ -111,8 +122,6 @@ pub struct Counter<'a> {
     pub guard: Mode,
     /// The part of the cloud that is counted; all of it at first.
     pub region: Region,
-    /// Times that the points were gone through.
-    pub passes: u32,
 }
 
 /// Records looked at together: small enough to stay in the core's cache over
@@ -141,6 +150,10 @@ impl Counter<'_> {
                 format!("{}: the header's bounding box is not the points' own", f.path().display())
             }));
         }
+        let lying = found.iter().zip(self.files).filter(|(found, file)| found.belies_returns(file));
+        notes.extend(lying.take(5).map(|(_, f)| {
+            format!("{}: the header's counts by return are not the points' own", f.path().display())
+        }));
         while self.guard != Mode::Keep
             && let Some(kept) = self.region.next(&counting.census, points)
         {
@@ -153,7 +166,7 @@ impl Counter<'_> {
             self.count_again(&counting)?;
         }
         let Counting { base, census } = counting;
-        let findings = Findings { found, census, region: self.region, passes: self.passes, notes };
+        let findings = Findings { found, census, region: self.region, notes };
         match self.scratch {
             Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
             None => Ok((findings, base)),
@@ -184,7 +197,6 @@ impl Counter<'_> {
 
     /// Counts on the hinted grid and finds the true bounds and used bits.
     fn first_pass(&mut self, hinted: &Counting) -> Result<Vec<Found>> {
-        self.passes += 1;
         let start: Vec<Found> = self
             .files
             .iter()
@@ -192,16 +204,17 @@ impl Counter<'_> {
                 let h = f.header();
                 let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
                 let grid = SourceGrid { scale: h.scale, offset: h.offset, min, max };
-                Found { grid, ored: vec![0; h.record_length] }
+                Found { grid, ored: vec![0; h.record_length], returns: [0; 16] }
             })
             .collect();
         let found: Vec<Mutex<Found>> = start.into_iter().map(Mutex::new).collect();
         self.each_unit(|unit, records| {
             let length = self.files[unit.input].header().record_length;
             let requantise = &hinted.base.requantise[unit.input];
-            let mut looker = Looker::new(length);
+            let mut looker = Looker::new(self.files[unit.input].header().point_format, length);
             let mut inside = Vec::new();
             for block in records.chunks(BLOCK * length) {
+                looker.look_at_returns(block);
                 let block = self.region.of(unit.input, block, length, &mut inside);
                 looker.look(block);
                 let trees = block
@@ -217,7 +230,6 @@ impl Counter<'_> {
     }
 
     fn count_again(&mut self, counting: &Counting) -> Result<()> {
-        self.passes += 1;
         self.each_unit(|unit, records| {
             let las = &self.files[unit.input];
             let requantise = &counting.base.requantise[unit.input];
@@ -230,7 +242,7 @@ impl Counter<'_> {
                     .chunks_exact(length)
                     .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
                 if counting.census.count(trees) > 0 {
-                    return Err(StageError::InputChanged(las.path().to_path_buf()));
+                    return Err(StageError::changed(las));
                 }
             }
             Ok(())
@@ -274,9 +286,11 @@ impl Counter<'_> {
     }
 }
 
-/// Bounds and used bits of records of one length.
+/// Bounds, used bits and returns of records of one file.
 struct Looker {
+    point_format: u8,
     length: usize,
+    returns: [u64; 16],
     min: [i32; 3],
     max: [i32; 3],
     /// Eight records ORed side by side, so that whole words can be.
@@ -284,8 +298,13 @@ struct Looker {
 }
 
 impl Looker {
-    fn new(length: usize) -> Looker {
-        Looker { length, min: [i32::MAX; 3], max: [i32::MIN; 3], ored: vec![0; length] }
+    fn new(point_format: u8, length: usize) -> Looker {
+        let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
+        Looker { point_format, length, returns: [0; 16], min, max, ored: vec![0; length] }
+    }
+
+    fn look_at_returns(&mut self, records: &[u8]) {
+        returns_of(self.point_format, records, self.length, &mut self.returns);
     }
 
     fn look(&mut self, records: &[u8]) {
@@ -311,6 +330,9 @@ impl Looker {
         for a in 0..3 {
             found.grid.min[a] = found.grid.min[a].min(self.min[a]);
             found.grid.max[a] = found.grid.max[a].max(self.max[a]);
+        }
+        for (sum, more) in found.returns.iter_mut().zip(self.returns) {
+            *sum += more;
         }
         let bytes: Vec<u8> = self.ored.iter().flat_map(|w| w.to_le_bytes()).collect();
         record::or_records(&mut found.ored, &bytes);

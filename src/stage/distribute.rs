@@ -121,7 +121,7 @@ fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> R
         if found != chunk.points {
             // The census and the distribution read the same file twice.
             let input = parts.first().map_or(0, |p| runs[p.run as usize].input);
-            return Err(StageError::InputChanged(survey.inputs[input].las.path().to_path_buf()));
+            return Err(StageError::changed(&survey.inputs[input].las));
         }
     }
     let outside = parts.split_off(survey.plan.chunks.len()).into_iter().flatten();
@@ -129,7 +129,7 @@ fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> R
         .map(|Part { run, first, points }| Range { run, first, points, reason: Reason::Outlier })
         .collect();
     if set_aside::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
-        return Err(StageError::InputChanged(survey.inputs[0].las.path().to_path_buf()));
+        return Err(StageError::changed(&survey.inputs[0].las));
     }
     Ok(Runs { runs, parts, outliers, scratch })
 }
@@ -207,7 +207,7 @@ impl Bucketer {
             }
             let tree = survey.cube.tree(source.requantise.stored(raw));
             let Some(chunk) = survey.plan.chunk_of(tree) else {
-                return Err(StageError::InputChanged(source.las.path().to_path_buf()));
+                return Err(StageError::changed(&source.las));
             };
             counts[chunk as usize] += 1;
             self.chunks.push(chunk);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::disk::DiskError;
 use crate::format::inputs::InputsError;
-use crate::format::las::LasError;
+use crate::format::las::{LasError, LasFile};
 
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
@@ -63,6 +63,15 @@ fn how_to_allow(readable: Option<(u64, u64)>) -> String {
 }
 
 impl StageError {
+    /// Points were not found where they had been: with what became of the file,
+    /// where that can be seen.
+    pub fn changed(las: &LasFile) -> StageError {
+        match las.check_unchanged() {
+            Err(error) => error.into(),
+            Ok(()) => StageError::InputChanged(las.path().to_path_buf()),
+        }
+    }
+
     /// Whether the same job, tried again with nothing changed but time, can
     /// succeed. Every variant is named, so that a new one must decide.
     pub fn retry_can_help(&self) -> bool {

@@ -2,6 +2,7 @@
 //! memory by the cgroup's limit. Never the host's figures where a container has
 //! smaller ones.
 
+use std::fmt::Display;
 use std::fs;
 
 /// Threads that may run at once (affinity and cgroup quota).
@@ -23,7 +24,12 @@ pub fn memory() -> u64 {
 
 /// The most memory that this process has had resident at once, in bytes.
 pub fn peak_memory() -> Option<u64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
+    peak_memory_of("self")
+}
+
+/// The same of another process, by its number; none where it has ended.
+pub fn peak_memory_of(process: impl Display) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kibibytes| kibibytes * 1024)
 }

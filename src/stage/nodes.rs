@@ -4,7 +4,6 @@
 use super::error::StageError;
 use super::options::Encoding;
 use super::output::{Block, NodeEntry};
-use super::set_aside::same_layout;
 use super::survey::Survey;
 use crate::cloud::attribute::Schema;
 use crate::cloud::cube::Frame;
@@ -130,7 +129,7 @@ impl<'a> RawPoints<'a> {
                 },
             ));
             if outside {
-                return Err(StageError::InputChanged(input.las.path().to_path_buf()));
+                return Err(StageError::changed(&input.las));
             }
         }
         Ok(())
@@ -141,8 +140,7 @@ impl<'a> RawPoints<'a> {
         let inputs = &self.survey.inputs;
         self.parts.iter().flat_map(move |part| {
             let input = &inputs[part.input];
-            let layout = inputs.iter().position(|other| same_layout(other, input)).unwrap_or(part.input);
-            part.bytes.chunks_exact(input.source.record_length).map(move |record| (layout, record))
+            part.bytes.chunks_exact(input.source.record_length).map(move |record| (input.layout, record))
         })
     }
 

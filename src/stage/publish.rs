@@ -10,7 +10,7 @@ use super::options::{Encoding, Options, Sampling};
 use super::output::NodeEntry;
 use super::survey::Survey;
 use crate::cloud::statistics::Statistics;
-use crate::disk::{Disk, DiskError};
+use crate::disk::Disk;
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
 
@@ -132,32 +132,10 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
     }
 }
 
-/// Puts the finished folder in its place. An older octree is exchanged in one
-/// step, so that a reader sees the old one or the new one, and removed after.
+/// Puts the finished folder in its place; an older octree only where it may.
 pub fn swap_in(disk: &Disk, staging: &Path, output: &Path, overwrite: bool) -> Result<()> {
-    use rustix::fs::{CWD, RenameFlags, renameat_with};
-    if !output.exists() {
-        return Ok(disk.rename(staging, output)?);
-    }
-    if !overwrite {
+    if !overwrite && output.symlink_metadata().is_ok() {
         return Err(StageError::OutputExists(output.to_path_buf()));
     }
-    match renameat_with(CWD, staging, CWD, output, RenameFlags::EXCHANGE) {
-        Ok(()) => {
-            if let Some(folder) = output.parent() {
-                disk.sync_dir(folder)?;
-            }
-            disk.remove_dir_all(staging)?;
-        }
-        // Not every file system can exchange; then the name is free for a moment.
-        Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS | rustix::io::Errno::OPNOTSUPP) => {
-            let old = staging.with_extension("old");
-            disk.remove_dir_all(&old)?;
-            disk.rename(output, &old)?;
-            disk.rename(staging, output)?;
-            disk.remove_dir_all(&old)?;
-        }
-        Err(error) => return Err(DiskError::new("put in its place", output, error.into()).into()),
-    }
-    Ok(())
+    Ok(disk.replace_dir(staging, output)?)
 }

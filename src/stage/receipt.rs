@@ -18,7 +18,7 @@ use crate::cloud::statistics::Statistics;
 
 /// Changes whenever receipts, or the data behind them, are to be read otherwise
 /// than before: what an older program left is then cleared.
-pub const FORMAT: &str = concat!("lodestone receipts 1, program ", env!("CARGO_PKG_VERSION"));
+pub const FORMAT: &str = concat!("lodestone receipts 2, program ", env!("CARGO_PKG_VERSION"));
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.
@@ -160,22 +160,32 @@ pub struct Ends {
 
 /// How many units of work these receipts stand for.
 pub fn units_in(receipts: &[Receipt]) -> u64 {
-    receipts.iter().filter(|receipt| receipt.is_unit()).count() as u64
+    receipts.iter().filter_map(Receipt::unit).count() as u64
+}
+
+/// A unit of work by its kind and, where there are several of that kind, number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Unit {
+    Spooled(u32),
+    Surveyed,
+    Bucketed(u32),
+    Built(u32),
+    Finished,
 }
 
 impl Receipt {
-    /// Whether it stands for work done, not for a stage on the way.
-    fn is_unit(&self) -> bool {
+    /// The work that it stands for; none where it only notes a stage on the way.
+    pub fn unit(&self) -> Option<Unit> {
         match self {
-            Receipt::Spooled { .. }
-            | Receipt::Surveyed(_)
-            | Receipt::Bucketed { .. }
-            | Receipt::Built { .. }
-            | Receipt::Finished { .. } => true,
+            Receipt::Spooled { unit, .. } => Some(Unit::Spooled(*unit)),
+            Receipt::Surveyed(_) => Some(Unit::Surveyed),
+            Receipt::Bucketed { unit, .. } => Some(Unit::Bucketed(*unit)),
+            Receipt::Built { number, .. } => Some(Unit::Built(*number)),
+            Receipt::Finished { .. } => Some(Unit::Finished),
             Receipt::Begun { .. }
             | Receipt::Synced { .. }
             | Receipt::Bucketing { .. }
-            | Receipt::Placed { .. } => false,
+            | Receipt::Placed { .. } => None,
         }
     }
 }

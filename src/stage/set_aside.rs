@@ -16,7 +16,7 @@ use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::survey::{Input, Survey};
 use crate::cloud::attribute::{ExtraField, Scalar};
-use crate::format::las::{CrsSource, LasOptions, LasWriter};
+use crate::format::las::{LasOptions, LasWriter};
 
 /// The file's name; where inputs differ in their layout, each layout gets one,
 /// the second `set-aside-2.laz`.
@@ -123,7 +123,7 @@ pub fn write(
     let mut layouts: Vec<&Input> = Vec::new();
     for range in &written {
         let input = input_of(survey, runs, range);
-        if !layouts.iter().any(|other| same_layout(other, input)) {
+        if !layouts.iter().any(|other| other.layout == input.layout) {
             layouts.push(input);
         }
     }
@@ -136,7 +136,7 @@ pub fn write(
         };
         let path = folder.join(&name);
         let mut writer = LasWriter::create_on(&context.disk, &path, &las_options(layout))?;
-        for range in written.iter().filter(|range| same_layout(layout, input_of(survey, runs, range))) {
+        for range in written.iter().filter(|range| input_of(survey, runs, range).layout == layout.layout) {
             append(&mut writer, layout.source.record_length, runs, range, context)?;
         }
         writer.finish()?;
@@ -148,12 +148,6 @@ pub fn write(
 
 fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &Range) -> &'s Input {
     &survey.inputs[runs.runs[range.run as usize].input]
-}
-
-/// Whether records of two inputs can stand in one file.
-pub fn same_layout(a: &Input, b: &Input) -> bool {
-    let (x, y) = (a.las.header(), b.las.header());
-    a.source == b.source && x.scale == y.scale && x.offset == y.offset
 }
 
 /// Nobody compresses waveform packets.
@@ -186,7 +180,7 @@ fn las_options(input: &Input) -> LasOptions {
         offset: header.offset,
         compressed: is_compressible(header.point_format),
         extra,
-        crs_wkt: header.crs.iter().find(|crs| crs.source == CrsSource::Wkt).map(|crs| crs.text.clone()),
+        crs: header.crs_records.clone(),
         software: concat!("lodestone ", env!("CARGO_PKG_VERSION")).into(),
     }
 }

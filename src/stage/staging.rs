@@ -2,7 +2,6 @@
 //! name when it is whole; until then an older octree of that name stays as it
 //! was.
 
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,7 +11,7 @@ use super::options::{Encoding, Options};
 use super::output::OctreeFile;
 use super::scratch::Scratch;
 use super::survey::Survey;
-use crate::disk::{DirLock, Disk};
+use crate::disk::{self, DirLock, Disk};
 use crate::format::potree;
 
 /// The folder beside `output` in which the octree grows.
@@ -86,13 +85,9 @@ impl Staging {
 
     /// What tells this folder from the one whose name it will take.
     pub fn inode(&self) -> Result<u64> {
-        inode(&self.folder)
-            .ok_or_else(|| StageError::Inconsistent(format!("{} is gone", self.folder.display())))
+        disk::inode(&self.folder)
+            .map_err(|_| StageError::Inconsistent(format!("{} is gone", self.folder.display())))
     }
-}
-
-pub fn inode(folder: &Path) -> Option<u64> {
-    std::fs::symlink_metadata(folder).ok().map(|meta| meta.ino())
 }
 
 /// Refuses to begin what has no room to end.

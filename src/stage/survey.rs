@@ -6,10 +6,11 @@
 //! While memory allows, the decoded records are kept: decoding is the dearest
 //! step of a LAZ conversion and is done once.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::context::{Context, Stage};
+use super::context::Context;
 use super::counting::{Base, Counter, Findings};
 use super::damage;
 use super::error::{Result, StageError};
@@ -29,6 +30,8 @@ pub struct Input {
     pub las: LasFile,
     pub source: Source,
     pub requantise: Requantise,
+    /// Records of inputs that share this number can stand in one file.
+    pub layout: usize,
 }
 
 /// A slice of an input, and its records where they were kept.
@@ -85,8 +88,6 @@ pub struct Survey {
     pub projection: String,
     /// Whether all records are in memory.
     pub in_core: bool,
-    /// Times that the points were gone through.
-    pub passes: u32,
     /// What the files were found to say that is not so, or odd.
     pub notes: Vec<String>,
 }
@@ -148,7 +149,6 @@ pub fn survey(
             extra: f.header().extra.clone(),
         })
         .collect();
-    context.progress.begin(Stage::Survey, points);
     let counter = Counter {
         files: &files,
         units: &units,
@@ -157,9 +157,8 @@ pub fn survey(
         context,
         guard: options.outliers,
         region: Region::default(),
-        passes: 0,
     };
-    let (Findings { found, census, region, passes, notes: more }, base) =
+    let (Findings { found, census, region, notes: more }, base) =
         counter.findings(points).map_err(|error| damage::explain(error, context))?;
     notes.extend(more);
     let limit = plan::chunk_limit(points);
@@ -172,11 +171,13 @@ pub fn survey(
     let position = &mut unified.schema.attributes[0];
     (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
     let projection = projection(&files, &mut notes);
+    let layouts = layouts(&files, &sources);
     let inputs = files
         .into_iter()
         .zip(sources)
         .zip(requantise)
-        .map(|((las, source), requantise)| Input { las, source, requantise })
+        .zip(layouts)
+        .map(|(((las, source), requantise), layout)| Input { las, source, requantise, layout })
         .collect();
     let plan = Plan::new(census, limit);
     Ok(Survey {
@@ -191,7 +192,6 @@ pub fn survey(
         plan,
         projection,
         in_core,
-        passes,
         notes,
     })
 }
@@ -236,10 +236,16 @@ fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Fi
     Ok(Files { files, missing, notes })
 }
 
+/// Slices of a cloud, but for the longest of records, and a cloud of many files.
+const MOST_UNITS: u64 = 1 << 16;
+
 /// Slices small enough to keep all cores busy to the end, large enough that
 /// their parts for one chunk are worth a read.
 fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
-    let most = (points / 64).clamp(50_000, 1_000_000) as u32;
+    // A LAZ header may promise billions of points for a few bytes; there must not
+    // be a slice for each million of them.
+    let most =
+        (points / 64).clamp(50_000, 1_000_000).max(points / MOST_UNITS).min(u64::from(u32::MAX)) as u32;
     let mut units = Vec::new();
     let mut end = 0;
     for (input, file) in files.iter().enumerate() {
@@ -266,6 +272,23 @@ fn fits_in_core(files: &[LasFile], units: &[Unit], points: u64, context: &Contex
     needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }
 
+/// For each input the first that has the same fields, scale and offset.
+fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
+    // Tiles by the thousand may each have their own offset.
+    let mut by_grid: HashMap<[u64; 6], Vec<usize>> = HashMap::new();
+    let layout = |input: usize| {
+        let header = files[input].header();
+        let ([a, b, c], [d, e, f]) = (header.scale, header.offset);
+        let alike = by_grid.entry([a, b, c, d, e, f].map(f64::to_bits)).or_default();
+        let first = alike.iter().copied().find(|other| sources[*other] == sources[input]);
+        first.unwrap_or_else(|| {
+            alike.push(input);
+            input
+        })
+    };
+    (0..files.len()).map(layout).collect()
+}
+
 /// The first file's reference system that says something; the others are
 /// noted where they differ.
 fn projection(files: &[LasFile], notes: &mut Vec<String>) -> String {
@@ -286,11 +309,11 @@ fn projection(files: &[LasFile], notes: &mut Vec<String>) -> String {
 
 /// A name that was asked for must exist somewhere, used or not.
 fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
-    let kept = unified.schema.attributes.iter().map(|a| &a.name);
-    let known: Vec<&str> = kept.chain(&unified.unused).chain(&unified.left_out).map(String::as_str).collect();
     if record::is_auto(&options.attributes) {
         return Ok(());
     }
+    let kept = unified.schema.attributes.iter().map(|a| &a.name);
+    let known: Vec<&str> = kept.chain(&unified.unused).chain(&unified.left_out).map(String::as_str).collect();
     for wanted in &options.attributes {
         if !known.iter().any(|name| name.eq_ignore_ascii_case(wanted)) {
             return Err(StageError::UnknownAttribute { wanted: wanted.clone(), known: known.join(", ") });

@@ -143,8 +143,8 @@ async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<Dat
 /// The wished name, or with the first free number behind it: `a.las` and
 /// `a.laz` are two data sets and get two octrees.
 async fn free_name(tx: &mut Tx, wished: &str) -> Result<String> {
-    for number in 1.. {
-        let name = if number == 1 { wished.to_string() } else { format!("{wished}-{number}") };
+    let (mut name, mut number) = (wished.to_string(), 1u64);
+    loop {
         // Without regard to case, for file systems that have none.
         let taken = sqlx::query("SELECT 1 FROM data_set WHERE lower(name) = lower(?)")
             .bind(&name)
@@ -153,8 +153,9 @@ async fn free_name(tx: &mut Tx, wished: &str) -> Result<String> {
         if taken.is_none() {
             return Ok(name);
         }
+        number += 1;
+        name = format!("{wished}-{number}");
     }
-    unreachable!("the numbers do not end")
 }
 
 /// A content that stands as another data set's octree is not converted twice,

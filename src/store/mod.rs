@@ -12,6 +12,7 @@
 pub mod board;
 mod intake;
 mod owed;
+mod previews;
 mod purge;
 mod queue;
 mod recovery;
@@ -32,6 +33,7 @@ use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
 pub use owed::Telling;
+pub use previews::{Drawn, Due, Preview, Settled};
 pub use queue::Ending;
 pub use recovery::Recovered;
 pub use views::{Attempt, Counts, History};
@@ -69,6 +71,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (1, "queue", include_str!("../../migrations/0001_queue.sql")),
     (2, "control", include_str!("../../migrations/0002_control.sql")),
     (3, "units", include_str!("../../migrations/0003_units.sql")),
+    (4, "preview", include_str!("../../migrations/0004_preview.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must

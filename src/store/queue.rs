@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{LONGEST_HISTORY, Result, Store, StoreError, note, row, sharing, step};
+use super::{LONGEST_HISTORY, Result, Store, StoreError, note, previews, row, sharing, step};
 use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
 use crate::job::{Event, Job, JobId, State, Wish};
 
@@ -328,7 +328,10 @@ pub(super) async fn end_attempt(
         .execute(&mut **tx)
         .await?;
     match verdict.event {
-        Event::Succeed => supersede(tx, job).await?,
+        Event::Succeed => {
+            supersede(tx, job).await?;
+            previews::owe(tx, job.id, now).await?;
+        }
         Event::Cancel => sharing::look_again_after_calling_off(tx, job.id).await?,
         _ => {}
     }

@@ -66,7 +66,7 @@ fn write_las(path: &Path, records: &[Vec<u8>]) {
         offset: [10.0; 3],
         compressed: false,
         extra: vec![serial],
-        crs_wkt: None,
+        crs: Vec::new(),
         software: String::new(),
     };
     let raw = records.iter().flat_map(|r| {

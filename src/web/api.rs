@@ -8,11 +8,12 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::Shared;
+use super::previews::PreviewView;
+use super::{Shared, octrees};
 use crate::config::age::Age;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::board::Reading;
-use crate::store::{Attempt, History, StoreError};
+use crate::store::{self, Attempt, Drawn, History, Preview, StoreError};
 
 const MONTH: Age = Age(30 * 86_400_000);
 
@@ -52,6 +53,8 @@ pub(super) struct JobView {
     pub progress: Option<Reading>,
     /// Where its octree is served, once it is published.
     pub octree: Option<String>,
+    /// How far its pictures are, and where they are served.
+    pub preview: Option<PreviewView>,
 }
 
 #[derive(Serialize)]
@@ -63,7 +66,20 @@ struct Details {
     history: Vec<History>,
 }
 
-pub(super) fn view(shared: &Shared, job: Job) -> JobView {
+/// Jobs as the API tells them.
+pub(super) async fn views(shared: &Shared, jobs: Vec<Job>) -> store::Result<Vec<JobView>> {
+    let ids: Vec<JobId> = jobs.iter().map(|job| job.id).collect();
+    let mut previews = shared.store.previews(&ids).await?;
+    Ok(jobs
+        .into_iter()
+        .map(|job| {
+            let preview = previews.remove(&job.id);
+            view(shared, job, preview)
+        })
+        .collect())
+}
+
+fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
     let progress = match job.state {
         State::Running => shared.board.read(job.id, shared.clock.now()),
         _ => None,
@@ -74,8 +90,12 @@ pub(super) fn view(shared: &Shared, job: Job) -> JobView {
         (state, None) => state.is_open().then_some("queued"),
     };
     let published = job.state == State::Done && job.superseded_by.is_none();
-    let octree = published.then(|| super::octrees::url(&job.name));
-    JobView { job, stage, progress, octree }
+    let octree = published.then(|| octrees::url(&job.name));
+    // Where nobody makes any, none are awaited.
+    let preview = preview
+        .filter(|preview| published && (shared.config.preview || preview.state != Drawn::Queued))
+        .map(|preview| PreviewView::new(preview, &octrees::folder(&job.name)));
+    JobView { job, stage, progress, octree, preview }
 }
 
 #[derive(Deserialize)]
@@ -100,17 +120,15 @@ pub(super) async fn list(
     };
     let limit = filter.limit.unwrap_or(200).clamp(1, 1000);
     let jobs = shared.store.jobs(state, filter.before, limit).await?;
-    let jobs: Vec<JobView> = jobs.into_iter().map(|job| view(&shared, job)).collect();
-    Ok(Json(json!({ "jobs": jobs })).into_response())
+    Ok(Json(json!({ "jobs": views(&shared, jobs).await? })).into_response())
 }
 
 pub(super) async fn show(
     Extract(shared): Extract<Shared>,
     Path(id): Path<JobId>,
 ) -> Result<Response, Refusal> {
-    let job = shared.store.job(id).await?;
     let details = Details {
-        view: view(&shared, job),
+        view: one(&shared, id).await?,
         inputs: shared.store.inputs(id).await?,
         attempts_log: shared.store.attempts(id).await?,
         history: shared.store.history(id).await?,
@@ -118,12 +136,18 @@ pub(super) async fn show(
     Ok(Json(details).into_response())
 }
 
+async fn one(shared: &Shared, id: JobId) -> store::Result<JobView> {
+    let job = shared.store.job(id).await?;
+    let preview = shared.store.previews(&[id]).await?.remove(&id);
+    Ok(view(shared, job, preview))
+}
+
 async fn order(shared: Shared, id: JobId, event: Event) -> Result<Response, Refusal> {
     let state = shared.store.order(id, event, shared.clock.now()).await?;
     shared.bell.notify_one();
     // A running job does as it is told at the next tick.
     let status = if state == State::Running { StatusCode::ACCEPTED } else { StatusCode::OK };
-    Ok((status, Json(view(&shared, shared.store.job(id).await?))).into_response())
+    Ok((status, Json(one(&shared, id).await?)).into_response())
 }
 
 pub(super) async fn retry(
@@ -167,7 +191,21 @@ pub(super) async fn priority(
 ) -> Result<Response, Refusal> {
     shared.store.set_priority(id, wish.priority, shared.clock.now()).await?;
     shared.bell.notify_one();
-    Ok(Json(view(&shared, shared.store.job(id).await?)).into_response())
+    Ok(Json(one(&shared, id).await?).into_response())
+}
+
+/// Makes the pictures of a job's octree, be it once more.
+pub(super) async fn preview(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    if !shared.config.preview {
+        let text = "this daemon makes no pictures (`preview = false` in its configuration)";
+        return Err(Refusal(StatusCode::CONFLICT, text.to_string()));
+    }
+    shared.store.order_preview(id, shared.clock.now()).await?;
+    shared.bell.notify_one();
+    Ok((StatusCode::ACCEPTED, Json(one(&shared, id).await?)).into_response())
 }
 
 #[derive(Deserialize)]

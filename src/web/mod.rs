@@ -10,6 +10,7 @@ mod guard;
 mod listener;
 mod octrees;
 mod page;
+mod previews;
 mod probes;
 mod stream;
 
@@ -103,6 +104,7 @@ pub fn router(shared: Shared) -> Router {
         .route("/api/jobs/{id}/pause", post(api::pause))
         .route("/api/jobs/{id}/resume", post(api::resume))
         .route("/api/jobs/{id}/priority", post(api::priority))
+        .route("/api/jobs/{id}/preview", post(api::preview))
         .route("/api/watch", get(api::watch))
         .layer(TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, LONGEST_REQUEST))
         // Streams last as long as they are listened to.

@@ -10,7 +10,7 @@ use axum::response::{IntoResponse, Response};
 use tower_http::cors::{Any, CorsLayer};
 use tower_http::services::ServeDir;
 
-use super::Shared;
+use super::{Shared, previews};
 use crate::config::Config;
 
 pub(super) fn router(config: &Config) -> Router<Shared> {
@@ -20,7 +20,11 @@ pub(super) fn router(config: &Config) -> Router<Shared> {
         .allow_methods([Method::GET, Method::HEAD])
         .allow_headers([header::RANGE, header::AUTHORIZATION])
         .expose_headers([header::CONTENT_RANGE, header::CONTENT_LENGTH, header::ACCEPT_RANGES]);
-    Router::new().nest_service("/octrees", files).layer(from_fn(no_dots)).layer(cors)
+    Router::new()
+        .nest_service("/octrees", files)
+        .layer(from_fn(previews::keep))
+        .layer(from_fn(no_dots))
+        .layer(cors)
 }
 
 /// Staging lies behind a dot.
@@ -34,6 +38,11 @@ async fn no_dots(request: Request, next: Next) -> Response {
 
 /// Where an octree's metadata is served: the address that viewers are given.
 pub(super) fn url(name: &str) -> String {
+    folder(name) + "/metadata.json"
+}
+
+/// Where an octree's files are served.
+pub(super) fn folder(name: &str) -> String {
     let mut url = String::from("/octrees/");
     for byte in name.bytes() {
         match byte {
@@ -41,7 +50,7 @@ pub(super) fn url(name: &str) -> String {
             _ => url.push_str(&format!("%{byte:02X}")),
         }
     }
-    url + "/metadata.json"
+    url
 }
 
 #[cfg(test)]

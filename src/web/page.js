@@ -38,15 +38,34 @@
       `${now.stage} ${now.percent.toFixed(0)} %, ${now.points_per_second.toFixed(0)} points/s${left}`;
   }
 
+  // A picture turns while it is looked at: under the pointer, or with the focus
+  // on its link. It rests where little movement is wished for.
+  const still = matchMedia('(prefers-reduced-motion: reduce)');
+  function turn(event) {
+    const picture = event.target.closest('.thumb a')?.querySelector('img[data-turning]');
+    if (!picture) return;
+    const on = event.type === 'mouseover' || event.type === 'focusin';
+    if (on && !still.matches && !picture.dataset.resting) {
+      picture.dataset.resting = picture.src;
+      picture.src = picture.dataset.turning;
+    } else if (!on && picture.dataset.resting) {
+      picture.src = picture.dataset.resting;
+      delete picture.dataset.resting;
+    }
+  }
+  for (const kind of ['mouseover', 'mouseout', 'focusin', 'focusout']) {
+    document.addEventListener(kind, turn);
+  }
+
   // What lies in the folders and waits is in no event.
-  let turn = setInterval(refresh, 10000);
+  let poll = setInterval(refresh, 10000);
   const events = new EventSource('/api/events');
   events.addEventListener('job', refresh);
   events.addEventListener('progress', progress);
   events.addEventListener('error', () => {
     // Refused, it does not try again by itself.
     if (events.readyState !== EventSource.CLOSED) return;
-    clearInterval(turn);
-    turn = setInterval(refresh, 2000);
+    clearInterval(poll);
+    poll = setInterval(refresh, 2000);
   });
 })();

@@ -12,6 +12,9 @@ use super::Shared;
 use super::api::{self, JobView, Refusal};
 use crate::config::size::Size;
 
+/// Pixels of a picture in the list.
+const ICON: u64 = 64;
+
 const HEAD: &str = "<!doctype html><html lang=en><meta charset=utf-8>\
 <noscript><meta http-equiv=refresh content=2></noscript><script src=/page.js defer></script>\
 <meta name=viewport content='width=device-width'><title>Lodestone</title><style>\
@@ -19,11 +22,13 @@ body{font:15px/1.4 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0
 table{border-collapse:collapse;width:100%}td,th{text-align:left;padding:.3em .6em;border-bottom:1px solid #ddd;\
 vertical-align:top}.failed,.quarantined{color:#a00}.done{color:#070}.running{font-weight:bold}code{color:#555}\
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}td,th{border-color:#444}code{color:#aaa}\
-.failed,.quarantined{color:#f77}.done{color:#7c7}}</style>";
+.failed,.quarantined{color:#f77}.done{color:#7c7}}\
+.thumb{padding:.2em 0;width:64px}.thumb img{display:block;border-radius:4px;object-fit:cover;overflow:hidden;\
+font-size:10px;color:#888}</style>";
 
 pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, Refusal> {
     let jobs = shared.store.jobs(None, None, 100).await?;
-    let jobs: Vec<JobView> = jobs.into_iter().map(|job| api::view(&shared, job)).collect();
+    let jobs: Vec<JobView> = api::views(&shared, jobs).await?;
     let health = shared.health();
     let mut html = String::from(HEAD);
     html.push_str("<main><h1>Lodestone</h1><p>Drop LAS or LAZ files, or folders of tiles, into ");
@@ -37,7 +42,7 @@ pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, R
     for missing in &health.missing {
         let _ = write!(html, "<p class=failed>{} is not there.</p>", escape(&missing.to_string_lossy()));
     }
-    html.push_str("<table><tr><th>#<th>Name<th>State<th>Points<th>Size<th>");
+    html.push_str("<table><tr><th>#<th><th>Name<th>State<th>Points<th>Size<th>");
     for view in &jobs {
         row(&mut html, view);
     }
@@ -51,7 +56,7 @@ pub(super) async fn page(Extract(shared): Extract<Shared>) -> Result<Response, R
         html.push_str("</table>");
     }
     html.push_str("</main>");
-    let policy = "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; connect-src 'self'; base-uri 'none'; \
+    let policy = "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; connect-src 'self'; img-src 'self'; base-uri 'none'; \
          form-action 'none'";
     Ok(([(header::CONTENT_SECURITY_POLICY, policy)], Html(html)).into_response())
 }
@@ -80,12 +85,27 @@ fn row(html: &mut String, view: &JobView) {
     };
     let _ = write!(
         html,
-        "<tr id=job-{0}><td>{0}<td>{name}<td class={state}>{state}<td>{1}<td>{2}<td>{3}",
+        "<tr id=job-{0}><td>{0}<td class=thumb>{4}<td>{name}<td class={state}>{state}<td>{1}<td>{2}<td>{3}",
         job.id,
         job.points,
         Size(job.bytes),
-        escape(&said)
+        escape(&said),
+        picture(view).unwrap_or_default()
     );
+}
+
+/// A small picture of the octree, which leads to a large one; the script has it
+/// turn under the pointer.
+fn picture(view: &JobView) -> Option<String> {
+    let preview = view.preview.as_ref()?;
+    let small = preview.still(ICON)?;
+    let large = preview.assets.iter().filter(|asset| asset.frames <= 1).max_by_key(|asset| asset.width)?;
+    let (small, large) = (escape(&small.url), escape(&large.url));
+    let turning = preview.turntable().map(|t| format!(" data-turning='{}'", escape(&t.url)));
+    let (name, turning) = (escape(&view.job.name), turning.unwrap_or_default());
+    Some(format!(
+        "<a href='{large}'><img src='{small}'{turning} alt='Picture of {name}' width={ICON} height={ICON} loading=lazy></a>"
+    ))
 }
 
 /// File names come from anybody who may write to the inbox.

@@ -78,6 +78,9 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
         metrics.jobs.with_label_values(&[state.name()]).set(*jobs);
     }
     metrics.jobs_held.set(counts.held);
+    if shared.config.preview {
+        metrics.previews_waiting.set(shared.store.previews_waiting().await?);
+    }
     let age = counts.oldest_queued.map_or(0, |oldest| (now - oldest).max(0));
     metrics.oldest_queued_seconds.set(age as f64 / 1000.0);
     Ok(())

@@ -131,11 +131,12 @@ impl Stream {
             _ => self.present(shared).await?,
         };
         let jobs: Vec<Job> = jobs.into_iter().filter(|job| self.wants(job.id)).collect();
-        let count = jobs.len();
-        for (at, job) in jobs.into_iter().enumerate() {
+        let views = api::views(shared, jobs).await?;
+        let count = views.len();
+        for (at, view) in views.iter().enumerate() {
             // With the last of a batch, for all of it.
             let id = (at + 1 == count).then_some(latest);
-            push(text, "job", id, &api::view(shared, job));
+            push(text, "job", id, view);
         }
         self.seen = Some(latest);
         self.progress(shared, text);

@@ -61,7 +61,7 @@ pub fn options_of(format: u8, compressed: bool) -> LasOptions {
         offset: [1000.0, 2000.0, -5.0],
         compressed,
         extra: Vec::new(),
-        crs_wkt: None,
+        crs: Vec::new(),
         software: "lodestone tests".into(),
     }
 }

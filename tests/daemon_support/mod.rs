@@ -46,6 +46,15 @@ pub fn las(points: u32, seed: u64) -> Vec<u8> {
     bytes
 }
 
+/// Makes a folder with these files.
+pub fn fill_folder(folder: &Path, files: &[(&str, Vec<u8>)]) {
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        std::fs::write(path, bytes).expect("written");
+    }
+}
+
 /// All files of a folder by their path in it; but for an octree's report, which
 /// tells how long it took.
 pub fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -94,7 +103,7 @@ pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
 /// Sends a request; the answer's status, head and body.
 pub fn ask(address: &str, head: &str, body: &str) -> (u16, String, Vec<u8>) {
     let mut stream = TcpStream::connect(address).expect("connected");
-    stream.set_read_timeout(Some(Duration::from_secs(30))).expect("set");
+    stream.set_read_timeout(Some(Duration::from_secs(120))).expect("set");
     let (first, more) = head.split_once('\n').unwrap_or((head, ""));
     let more = more.lines().map(|line| format!("{line}\r\n")).collect::<String>();
     let host = if more.contains("Host:") { String::new() } else { format!("Host: {address}\r\n") };
@@ -140,8 +149,11 @@ impl Daemon {
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
         let mut child = Command::new(line[0])
             .args(&line[1..])
-            .args(["serve", "--listen", "127.0.0.1:0", "--settle-seconds", "0.4"])
+            .args(["serve", "--listen", "127.0.0.1:0"])
+            .args(if more.contains(&"--settle-seconds") { &[][..] } else { &["--settle-seconds", "0.4"] })
             .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
+            // Pictures are work that most tests need not wait for.
+            .args(if more.contains(&"--preview") { &[][..] } else { &["--preview", "false"] })
             .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
@@ -166,6 +178,16 @@ impl Daemon {
 
     pub fn inbox(&self) -> PathBuf {
         self.root.join("inbox")
+    }
+
+    /// Drops a folder all at once. Made file by file in the inbox, half of it would
+    /// be taken where the machine is busy for as long as settling takes.
+    pub fn drop_folder(&self, name: &str, files: &[(&str, Vec<u8>)]) -> PathBuf {
+        let coming = self.root.with_extension("coming");
+        fill_folder(&coming, files);
+        let folder = self.inbox().join(name);
+        std::fs::rename(&coming, &folder).expect("dropped");
+        folder
     }
 
     pub fn octree(&self, name: &str) -> PathBuf {
@@ -209,6 +231,25 @@ impl Daemon {
         wait_for(&format!("{name} to be {state}; {}", self.root.display()), || {
             self.jobs().into_iter().rev().find(|job| job["name"] == name && job["state"] == state)
         })
+    }
+
+    /// Waits until the metrics have all these lines, and gives the metrics. They
+    /// count what the queue has recorded already, so they come a moment after it.
+    pub fn wait_metrics(&self, lines: &[&str]) -> String {
+        wait_for(&format!("metrics with {lines:?}"), || {
+            let metrics = self.get("/metrics").1;
+            lines.iter().all(|line| metrics.lines().any(|l| l == *line)).then_some(metrics)
+        })
+    }
+
+    /// Waits until nothing is left in scratch and staging; a job's end is recorded
+    /// before its remains are cleared.
+    pub fn wait_cleared(&self) {
+        for folder in ["scratch", "octrees/.staged"] {
+            wait_for(&format!("{folder} to be cleared"), || {
+                std::fs::read_dir(self.root.join(folder)).ok()?.next().is_none().then_some(())
+            });
+        }
     }
 
     pub fn kill(&mut self) {

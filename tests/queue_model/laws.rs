@@ -6,6 +6,7 @@ use std::fs;
 
 use lodestone::disk::Disk;
 use lodestone::job::{Event, Job, State, machine};
+use lodestone::store::Drawn;
 use sqlx::{Connection, Row, SqliteConnection};
 
 use crate::Broken;
@@ -104,7 +105,7 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
                 continue;
             }
             "superseded" if ledger.states.get(job) != Some(&State::Running) => Event::Cancel,
-            other => match EVENTS.into_iter().find(|event| event.name() == other) {
+            other => match Event::ALL.into_iter().find(|event| event.name() == other) {
                 Some(event) => event,
                 None => continue,
             },
@@ -124,21 +125,6 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
     }
     Ok(())
 }
-
-const EVENTS: [Event; 12] = [
-    Event::Claim,
-    Event::Succeed,
-    Event::Fail,
-    Event::Postpone,
-    Event::Crash,
-    Event::Quarantine,
-    Event::Park,
-    Event::Cancel,
-    Event::Pause,
-    Event::Resume,
-    Event::Retry,
-    Event::Release,
-];
 
 /// Strikes lead to quarantine at exactly their number, runs are counted before
 /// they begin, and what ended has an end and a reason.
@@ -187,6 +173,9 @@ fn published(world: &mut World, books: &Books, jobs: &[Job]) -> Result<(), Broke
         }
         let shown = fs::read_to_string(entry.path().join("metadata.json"));
         let shown = shown.map_err(|error| format!("half an octree under {name}: {error}"))?;
+        if let Ok(picture) = fs::read_to_string(entry.path().join("preview/preview.json")) {
+            law!(picture == shown, "{name} shows {shown}, and its pictures {picture}");
+        }
         if world.shown.insert(name.clone(), shown.clone()).as_ref() == Some(&shown) {
             continue;
         }
@@ -245,6 +234,7 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
             state => return Err(format!("{place} ends {state:?} as job {}: {job:#?}", job.id)),
         }
     }
+    pictures(world, &jobs)?;
     for folder in [world.config.scratch(), world.config.octrees().join(".staged")] {
         for entry in fs::read_dir(&folder).expect("there").flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
@@ -253,5 +243,32 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
             law!(open, "{} is left over", entry.path().display());
         }
     }
+    Ok(())
+}
+
+/// No octree that stands waits for its pictures, and what is said to be drawn is there.
+fn pictures(world: &mut World, jobs: &[Job]) -> Result<(), Broken> {
+    let octrees = world.config.octrees();
+    let life = world.life.as_ref().expect("alive");
+    let standing = jobs.iter().filter(|job| job.state == State::Done && job.superseded_by.is_none());
+    let standing: BTreeMap<i64, &Job> = standing.map(|job| (job.id, job)).collect();
+    let ids: Vec<i64> = standing.keys().copied().collect();
+    let previews = life.runtime.block_on(life.store.previews(&ids)).map_err(|error| error.to_string())?;
+    for (id, job) in standing {
+        let place = octrees.join(&job.name);
+        let Some(preview) = previews.get(&id) else {
+            // Dropped with an octree that was taken away, or could not be put in its place.
+            law!(world.was_sick || !place.exists(), "job {id} is done and owes no pictures");
+            continue;
+        };
+        law!(preview.state != Drawn::Queued, "the pictures of job {id} still wait: {preview:?}");
+        let there = place.join("preview/preview.json").exists();
+        law!(
+            there || preview.state != Drawn::Done || world.was_sick,
+            "the pictures of job {id} are not there"
+        );
+    }
+    let left: Vec<_> = fs::read_dir(octrees.join(".previews")).into_iter().flatten().flatten().collect();
+    law!(left.is_empty(), "left over: {left:?}");
     Ok(())
 }

@@ -9,6 +9,8 @@
 
 #[path = "../daemon_support/mod.rs"]
 mod daemon_support;
+#[path = "../engine_support/mod.rs"]
+mod engine_support;
 
 mod content;
 mod desk;
@@ -99,7 +101,8 @@ fn quiet_panics() {
     let before = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let thread = std::thread::current();
-        if !thread.name().is_some_and(|name| name.starts_with("job-")) {
+        let is_ours = |name: &str| name.starts_with("job-") || name.starts_with("preview-");
+        if !thread.name().is_some_and(is_ours) {
             before(panic);
         }
     }));

@@ -234,6 +234,8 @@ pub fn calm_down(world: &mut World) -> Result<(), Broken> {
         let waits = life.jobs().iter().any(|job| {
             matches!(job.state, State::Queued | State::Running | State::Paused) && job.hold.is_none()
         });
+        let waiting = life.runtime.block_on(life.store.previews_waiting());
+        let waits = waits || waiting.map_err(|error| error.to_string())? > 0;
         if round > 8 && !waits && !report.unsettled {
             break;
         }

@@ -11,15 +11,12 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::task::Poll;
 use std::time::{Duration, SystemTime};
 
-use lodestone::clock::Clock;
-use lodestone::config::{Config, Layer};
+use lodestone::config::Config;
 use lodestone::disk::Disk;
+use lodestone::engine::Engine;
 use lodestone::engine::intake::{self, Taken};
-use lodestone::engine::{Engine, Tools};
 use lodestone::job::State;
-use lodestone::metrics::Metrics;
 use lodestone::store::Store;
-use lodestone::store::board::Board;
 use lodestone::watch::settle::Limits;
 use lodestone::watch::{Report, Watcher};
 use tokio::runtime::Runtime;
@@ -27,11 +24,12 @@ use tokio::runtime::Runtime;
 use crate::Broken;
 use crate::content;
 use crate::desk::{Desk, Script};
+use crate::engine_support::{configured, fast_folder, tools};
 use crate::laws::Ledger;
 
 /// One heavy job beside two light ones; what waits, waits seconds.
 const SETTINGS: &str = "disk_reserve = 0\nlight_bytes = 800\nlight_jobs = 2\nsettle_seconds = 2\n\
-                        patience_seconds = 20\nshutdown_seconds = 5";
+                        patience_seconds = 20\nshutdown_seconds = 5\npreview = true\nthreads = 2";
 
 /// The daemon while it lives.
 pub struct Life {
@@ -62,20 +60,10 @@ pub struct World {
     pub shown: BTreeMap<String, String>,
 }
 
-/// On memory, where there is any: thousands of histories sync to no disk.
-fn fast_folder() -> tempfile::TempDir {
-    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).expect("a folder")
-}
-
 impl World {
     pub fn new(seed: u64) -> World {
         let folder = fast_folder();
-        let layer: Layer = toml::from_str(SETTINGS).expect("settings");
-        let mut config = Config::from_layer(layer).expect("a configuration");
-        config.root = folder.path().canonicalize().expect("a path").join("root");
-        for sub in ["inbox", "octrees/.staged", "scratch"] {
-            fs::create_dir_all(config.root.join(sub)).expect("made");
-        }
+        let mut config = configured(&folder.path().canonicalize().expect("a path").join("root"), SETTINGS);
         config.watch = vec![config.root.with_file_name("mount")];
         fs::create_dir(&config.watch[0]).expect("made");
         World {
@@ -142,20 +130,11 @@ impl World {
                 tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
             self.lives += 1;
             let desk = Arc::new(Desk::new(self.script.clone()));
-            let (config, clock) = (self.config.clone(), Clock::Manual(self.now.clone()));
+            let (config, now) = (self.config.clone(), self.now.clone());
             let owner = format!("life-{}", self.lives);
             let (store, engine, watcher) = runtime.block_on(async {
-                let store = Store::open(&config.database()).await.expect("the queue opens");
-                let tools = Tools {
-                    config: config.clone(),
-                    store: store.clone(),
-                    board: Board::default(),
-                    metrics: Metrics::new().expect("metrics"),
-                    clock,
-                    disk,
-                    converter: desk.clone(),
-                    bell: Arc::default(),
-                };
+                let tools = tools(config.clone(), &now, disk, desk.clone()).await;
+                let store = tools.store.clone();
                 let mut engine = Engine::new(tools, owner);
                 engine.recover().await.expect("recovered");
                 let known = store.stamps().await.expect("stamps").into_iter().collect();

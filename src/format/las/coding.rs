@@ -9,10 +9,11 @@ use std::io::{self, Cursor};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use laz::record::{
-    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor,
-    SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
+    LayeredPointRecordCompressor, RecordCompressor, RecordDecompressor, SequentialPointRecordCompressor,
 };
 use laz::{LazItem, LazItemType};
+
+use super::fields;
 
 /// How one file's records are compressed.
 #[derive(Debug, Clone)]
@@ -117,15 +118,10 @@ impl Coding {
         let points = (records.len() / self.record_length) as u64;
         if self.layered {
             self.check_layers(chunk, points)?;
-            return guard(|| {
-                let mut decoder = LayeredPointRecordDecompressor::new(Cursor::new(chunk));
-                decoder.set_fields_from(&self.items).map_err(io::Error::other)?;
-                decoder.decompress_many(records)
-            });
+            return guard(|| fields::layered(&self.items, Cursor::new(chunk))?.decompress_many(records));
         }
         let left = guard(|| {
-            let mut decoder = SequentialPointRecordDecompressor::new(chunk);
-            decoder.set_fields_from(&self.items).map_err(io::Error::other)?;
+            let mut decoder = fields::sequential(&self.items, chunk)?;
             decoder.decompress_many(records)?;
             Ok(decoder.into_inner().len())
         })?;

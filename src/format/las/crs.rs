@@ -56,6 +56,18 @@ pub fn find(records: &[Vlr], notes: &mut Vec<String>) -> Option<Crs> {
     }
 }
 
+/// The records that a CRS is found in, to be written as they are: the first of
+/// each kind.
+pub fn records(records: Vec<Vlr>) -> Vec<Vlr> {
+    let mut found: Vec<Vlr> = Vec::new();
+    for record in records.into_iter().filter(Vlr::is_of_crs) {
+        if found.iter().all(|other| other.id != record.id) {
+            found.push(record);
+        }
+    }
+    found
+}
+
 /// The text of a WKT record, unless it is empty or no WKT at all.
 fn wkt(data: &[u8]) -> Option<String> {
     let text = super::vlr::text(data);

@@ -6,7 +6,7 @@ use super::LasError;
 use super::crs::Crs;
 use super::record_length;
 use super::source::Source;
-use super::vlr;
+use super::vlr::{self, Vlr};
 use crate::cloud::attribute::ExtraField;
 
 /// What a LAS or LAZ file says of itself, as far as it is true.
@@ -30,10 +30,15 @@ pub struct Header {
     /// World coordinates; a hint only: header bounds are often wrong.
     pub min: [f64; 3],
     pub max: [f64; 3],
+    /// Points by return, from the first; a hint too, and empty where it says
+    /// nothing. Up to five in old headers, fifteen since version 1.4.
+    pub returns: Vec<u64>,
     /// Fields behind the point format's own, without a gap up to the record's
     /// end.
     pub extra: Vec<ExtraField>,
     pub crs: Option<Crs>,
+    /// The records that it was found in, and what else of that kind there is.
+    pub crs_records: Vec<Vlr>,
     /// The software and the system that made the file.
     pub software: String,
     pub system: String,
@@ -166,6 +171,14 @@ impl Front {
         Ok(())
     }
 
+    /// Of the two tables of version 1.4, the large one if it says anything.
+    fn returns(&self) -> Vec<u64> {
+        let large = self.raw.large_file.iter().flat_map(|large| large.number_of_points_by_return).collect();
+        let legacy = self.raw.number_of_points_by_return.map(u64::from).to_vec();
+        let tables: [Vec<u64>; 2] = [large, legacy];
+        tables.into_iter().find(|table| table.iter().any(|points| *points > 0)).unwrap_or_default()
+    }
+
     /// Where the points begin.
     pub fn points_at(&self) -> u64 {
         u64::from(self.raw.offset_to_point_data)
@@ -220,8 +233,10 @@ impl Front {
             offset: self.offset(),
             min: [raw.min_x, raw.min_y, raw.min_z],
             max: [raw.max_x, raw.max_y, raw.max_z],
+            returns: self.returns(),
             extra: Vec::new(),
             crs: None,
+            crs_records: Vec::new(),
             software: vlr::text(&raw.generating_software),
             system: vlr::text(&raw.system_identifier),
             // LAS is of 2003; before that there is only what was never set.

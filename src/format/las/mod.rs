@@ -14,6 +14,7 @@ mod count;
 mod crs;
 mod error;
 mod extra_bytes;
+mod fields;
 mod header;
 mod readable;
 mod reader;
@@ -29,6 +30,8 @@ pub use error::LasError;
 pub use header::{Created, Header};
 pub use readable::Checked;
 pub use reader::{LasFile, Slice};
+pub use tally::returns_of;
+pub use vlr::Vlr;
 pub use writer::{LasOptions, LasWriter};
 
 /// How much a file is believed, and how much is made of one that is broken.

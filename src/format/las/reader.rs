@@ -90,6 +90,7 @@ impl LasFile {
         let standard = super::record_length(header.point_format).unwrap_or(points.record_length);
         header.extra = extra_bytes::parse(descriptions, standard, points.record_length, &mut notes);
         header.crs = crs::find(&records, &mut notes);
+        header.crs_records = crs::records(records);
         header.notes = notes;
         Ok(LasFile { source, header, body: points.body, complete: points.complete })
     }

@@ -4,10 +4,11 @@
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+use laz::record::RecordDecompressor;
 
 use super::chunks::{Chunk, Chunking, Layout};
 use super::coding::{Coding, guard};
+use super::fields;
 use super::source::Source;
 
 /// Points that are decoded into nothing at a time.
@@ -133,13 +134,10 @@ impl Stream {
         }
         let decoder = guard(|| {
             Ok(if coding.layered {
-                let mut decoder = LayeredPointRecordDecompressor::new(window);
-                decoder.set_fields_from(&coding.items).map_err(io::Error::other)?;
-                Box::new(decoder) as Box<dyn RecordDecompressor<Window> + Send>
+                Box::new(fields::layered(&coding.items, window)?)
+                    as Box<dyn RecordDecompressor<Window> + Send>
             } else {
-                let mut decoder = SequentialPointRecordDecompressor::new(window);
-                decoder.set_fields_from(&coding.items).map_err(io::Error::other)?;
-                Box::new(decoder)
+                Box::new(fields::sequential(&coding.items, window)?)
             })
         })?;
         self.state = Decoder::Running(decoder);

@@ -1,5 +1,5 @@
 //! What a header says of its points (counts, returns, bounds), added up while
-//! they are written.
+//! they are written; and the returns also while they are read, for headers lie.
 
 /// What the header says of the points.
 #[derive(Debug)]
@@ -8,13 +8,26 @@ pub struct Tally {
     returns: [u64; 15],
     min: [i32; 3],
     max: [i32; 3],
-    /// The bits of byte 14 that hold the return number.
     return_mask: u8,
+}
+
+/// The bits of a record's byte 14 that hold the return number.
+fn return_mask(point_format: u8) -> u8 {
+    if point_format < 6 { 0b0111 } else { 0b1111 }
+}
+
+/// Adds to the points by return; the first place is for points that say 0, which
+/// is no return and has no place in a header.
+pub fn returns_of(point_format: u8, records: &[u8], record_length: usize, returns: &mut [u64; 16]) {
+    let mask = return_mask(point_format);
+    for record in records.chunks_exact(record_length) {
+        returns[usize::from(record[14] & mask)] += 1;
+    }
 }
 
 impl Tally {
     pub fn new(point_format: u8) -> Tally {
-        let return_mask = if point_format < 6 { 0b0111 } else { 0b1111 };
+        let return_mask = return_mask(point_format);
         Tally { points: 0, returns: [0; 15], min: [i32::MAX; 3], max: [i32::MIN; 3], return_mask }
     }
 

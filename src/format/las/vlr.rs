@@ -26,6 +26,29 @@ impl Vlr {
     pub fn is(&self, user: &str, id: u16) -> bool {
         self.id == id && self.user.eq_ignore_ascii_case(user)
     }
+
+    /// A CRS as WKT (LAS 1.4 R15, table 13).
+    pub fn wkt(text: &str) -> Vlr {
+        let data = text.bytes().chain([0]).collect();
+        Vlr { user: "LASF_Projection".into(), id: WKT, data }
+    }
+
+    /// Whether it says where on Earth the coordinates are, or a part of that.
+    pub fn is_of_crs(&self) -> bool {
+        is_of_crs(&self.user, self.id)
+    }
+}
+
+/// The number of records that hold a CRS as WKT.
+pub const WKT: u16 = 2112;
+
+fn is_of_crs(user: &str, id: u16) -> bool {
+    let is = |name: &str| user.eq_ignore_ascii_case(name);
+    match id {
+        2111 | WKT => is("LASF_Projection") || is("liblas"),
+        34735..=34737 => is("LASF_Projection"),
+        _ => false,
+    }
 }
 
 /// The records that lie between the header and the points.
@@ -113,10 +136,8 @@ fn is_known(user: &str, id: u16) -> bool {
     match id {
         4 => is("LASF_Spec"),
         22204 => is("laszip encoded"),
-        2111 | 2112 => is("LASF_Projection") || is("liblas"),
-        34735..=34737 => is("LASF_Projection"),
         1 => is("copc"),
-        _ => false,
+        _ => is_of_crs(user, id),
     }
 }
 

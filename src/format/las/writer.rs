@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 use super::coding::Coding;
 use super::error::LasError;
+use super::extra_bytes;
 use super::tally::Tally;
-use super::{extra_bytes, vlr};
+use super::vlr::{self, Vlr};
 use crate::cloud::attribute::ExtraField;
 use crate::disk::{Disk, DiskFile};
 
@@ -37,7 +38,8 @@ pub struct LasOptions {
     pub compressed: bool,
     /// Fields behind the standard ones; their positions say where.
     pub extra: Vec<ExtraField>,
-    pub crs_wkt: Option<String>,
+    /// Records that say where on Earth it is, written as they are.
+    pub crs: Vec<Vlr>,
     pub software: String,
 }
 
@@ -49,8 +51,9 @@ pub struct LasWriter {
     header: las::raw::Header,
     /// The variable length records, as bytes.
     vlrs: Vec<u8>,
-    /// A CRS too long for one of those, as an extended one.
+    /// What is too long for one of those, as extended ones, and how many.
     evlrs: Vec<u8>,
+    extended: u32,
     record_length: usize,
     /// Where the next bytes of points go.
     position: u64,
@@ -82,19 +85,18 @@ impl LasWriter {
         })?;
 
         let mut vlrs = Vec::new();
-        let mut evlrs = Vec::new();
+        let (mut evlrs, mut extended) = (Vec::new(), 0);
         if !description.is_empty() {
             vlr::put(&mut vlrs, "LASF_Spec", 4, "Extra bytes", &description)
                 .map_err(|reason| LasError::write(path, reason))?;
         }
-        if let Some(wkt) = &options.crs_wkt {
-            let mut wkt = wkt.clone().into_bytes();
-            wkt.push(0);
-            if wkt.len() <= usize::from(u16::MAX) {
-                vlr::put(&mut vlrs, "LASF_Projection", 2112, "OGC WKT", &wkt)
+        for Vlr { user, id, data } in &options.crs {
+            if data.len() <= usize::from(u16::MAX) {
+                vlr::put(&mut vlrs, user, *id, "CRS", data)
                     .map_err(|reason| LasError::write(path, reason))?;
             } else if options.version == (1, 4) {
-                vlr::put_extended(&mut evlrs, "LASF_Projection", 2112, "OGC WKT", &wkt);
+                vlr::put_extended(&mut evlrs, user, *id, "CRS", data);
+                extended += 1;
             } else {
                 return Err(LasError::write(path, "its CRS is too long for a version below 1.4"));
             }
@@ -118,6 +120,7 @@ impl LasWriter {
             header,
             vlrs,
             evlrs,
+            extended,
             record_length,
             position,
             pending: Vec::new(),
@@ -171,8 +174,10 @@ impl LasWriter {
         }
         if !self.evlrs.is_empty() {
             self.file.write_all_at(&self.evlrs, self.position)?;
-            self.header.evlr =
-                Some(las::raw::header::Evlr { start_of_first_evlr: self.position, number_of_evlrs: 1 });
+            self.header.evlr = Some(las::raw::header::Evlr {
+                start_of_first_evlr: self.position,
+                number_of_evlrs: self.extended,
+            });
         }
         self.tally.put_into(&mut self.header).map_err(|reason| LasError::write(self.file.path(), reason))?;
         self.write_front(table_at)?;
@@ -277,7 +282,8 @@ fn header(options: &LasOptions, record_length: u16, vlrs: &[u8]) -> las::raw::He
         z_offset: options.offset[2],
         ..las::raw::Header::default()
     };
-    if options.version == (1, 4) && (options.crs_wkt.is_some() || options.point_format >= 6) {
+    let has_wkt = options.crs.iter().any(|record| record.id == vlr::WKT);
+    if options.version == (1, 4) && (has_wkt || (options.point_format >= 6 && options.crs.is_empty())) {
         header.global_encoding |= WKT_BIT;
     }
     header.system_identifier = [0; 32];

@@ -80,9 +80,9 @@ fn extended_records_that_are_not_there_are_ignored() {
 fn variable_length_records_are_found_whatever_the_header_counts() {
     let folder = tempfile::tempdir().unwrap();
     let extra = vec![field("a", Scalar::U16, 1, 30)];
-    let crs_wkt = Some("PROJCS[\"x\"]".to_string());
+    let crs = vec![Vlr::wkt("PROJCS[\"x\"]")];
     for compressed in [false, true] {
-        let options = LasOptions { extra: extra.clone(), crs_wkt: crs_wkt.clone(), ..options(6, compressed) };
+        let options = LasOptions { extra: extra.clone(), crs: crs.clone(), ..options(6, compressed) };
         let path = written(folder.path(), &options, &records(6, 2, 100, 1));
         let good = std::fs::read(&path).unwrap();
         let there = u32::from_le_bytes(good[100..104].try_into().unwrap());
@@ -123,7 +123,7 @@ fn bytes_between_the_records_and_the_points_are_passed_over() {
 #[test]
 fn a_record_that_is_longer_than_the_room_for_it_is_cut_to_that() {
     let folder = tempfile::tempdir().unwrap();
-    let options = LasOptions { crs_wkt: Some("PROJCS[\"x\"]".to_string()), ..options(1, false) };
+    let options = LasOptions { crs: vec![Vlr::wkt("PROJCS[\"x\"]")], ..options(1, false) };
     let path = written(folder.path(), &options, &records(1, 0, 100, 1));
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[227 + 20..227 + 22].copy_from_slice(&60_000u16.to_le_bytes());

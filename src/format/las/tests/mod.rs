@@ -51,7 +51,7 @@ fn options(point_format: u8, compressed: bool) -> LasOptions {
         offset: [500_000.0, -4_000_000.0, 0.5],
         compressed,
         extra: Vec::new(),
-        crs_wkt: None,
+        crs: Vec::new(),
         software: "Lodestone tests".to_string(),
     }
 }

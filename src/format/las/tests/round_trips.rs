@@ -94,7 +94,7 @@ fn a_crs_of_any_length_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     for length in [10, 70_000] {
         let wkt = format!("PROJCS[\"{}\"]", "x".repeat(length));
-        let options = LasOptions { crs_wkt: Some(wkt.clone()), ..options(6, true) };
+        let options = LasOptions { crs: vec![Vlr::wkt(&wkt)], ..options(6, true) };
         let file = LasFile::open(&written(folder.path(), &options, &records(6, 0, 10, 1))).unwrap();
         assert_eq!(file.header().crs, Some(Crs { text: wkt, source: CrsSource::Wkt }));
         assert_eq!(file.header().points, 10);
