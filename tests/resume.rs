@@ -15,7 +15,6 @@ use std::time::Duration;
 use common::{context, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
-use lodestone::stage::context::Context;
 use lodestone::stage::journal;
 use lodestone::stage::options::{Encoding, Options, Sampling};
 use lodestone::stage::receipt::{Receipt, Unit};
