@@ -63,6 +63,21 @@ fn a_header_that_counts_too_few_or_none_loses_no_point_and_too_many_is_an_error(
     assert!(error.contains("5000 of its 5001 points") && error.contains("cloud.las"), "{error}");
 }
 
+/// The counts by return are never believed, and it is said where they lie.
+#[test]
+fn wrong_counts_by_return_lose_no_point_and_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (format, place) in [(1, 111), (6, 255)] {
+        write_las(&at("cloud.las"), &options_of(format, false), &surface(format, 5_000, 1));
+        let told = |held: &Held| held.outcome.notes.iter().filter(|note| note.contains("by return")).count();
+        assert_eq!(told(&held(&at("cloud.las"), &at("octree"))), 0, "format {format}: they are right");
+        patch(&at("cloud.las"), &[(place, &[7, 7])]);
+        let held = held(&at("cloud.las"), &at("octree"));
+        assert_eq!((told(&held), held.outcome.points_in), (1, 5_000), "{:?}", held.outcome.notes);
+    }
+}
+
 #[test]
 fn of_the_legacy_count_and_that_of_1_4_the_true_one_counts() {
     let folder = tempfile::tempdir().unwrap();

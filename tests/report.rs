@@ -1,7 +1,11 @@
 //! `lodestone report --stability`, with scenes so small that it takes seconds.
 
 use std::fs;
-use std::process::Command;
+use std::io::Read;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
 
 #[test]
 fn the_stability_table_has_a_row_for_each_scene_and_sampler_and_leaves_nothing() {
@@ -48,4 +52,40 @@ fn the_stability_table_has_a_row_for_each_scene_and_sampler_and_leaves_nothing()
         page.contains("| dot | 20 000 | poisson | exact |") && page.contains("10 000 duplicates"),
         "{page}"
     );
+}
+
+/// Clouds of gigabytes must not stay behind when somebody has waited enough.
+#[test]
+fn stopped_by_a_signal_it_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let temp = folder.path().join("temp");
+    fs::create_dir(&temp).unwrap();
+    let mut report = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+        .args(["report", "--stability", "--points", "300k", "--rounds", "99", "--scenes", "terrain"])
+        .arg("--temp-dir")
+        .arg(&temp)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Once it converts: an octree is in the making.
+    let converts = || {
+        let places = fs::read_dir(&temp).unwrap().flatten();
+        places
+            .flat_map(|place| fs::read_dir(place.path()))
+            .flatten()
+            .flatten()
+            .any(|entry| entry.file_name().to_string_lossy().contains("octree"))
+    };
+    let start = Instant::now();
+    while !converts() {
+        assert!(start.elapsed() < Duration::from_secs(150), "it never converts");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    kill_process(Pid::from_child(&report), Signal::TERM).unwrap();
+    let mut said = String::new();
+    report.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(report.wait().unwrap().code(), Some(1), "{said}");
+    assert!(said.contains("stopped on request"), "{said}");
+    assert_eq!(fs::read_dir(&temp).unwrap().count(), 0, "something stays behind");
 }

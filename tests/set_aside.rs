@@ -9,7 +9,7 @@ use std::process::Command;
 
 use common::{context, octree_bytes, options_of, request, surface, write_las};
 use lodestone::engine::conduct::{self, Outcome};
-use lodestone::format::las::{LasFile, record_length};
+use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
 use lodestone::lod::tree::LEAF_LIMIT;
 use lodestone::stage::options::{Mode, Options};
@@ -255,4 +255,29 @@ fn the_command_says_what_was_set_aside_and_ends_with_3() {
     assert_eq!(code, Some(3));
     assert!(text.contains("dropped as asked: 15 000"), "{text}");
     assert_eq!(run(&["--duplicates", "keep"]).0, Some(0));
+}
+
+#[test]
+fn what_is_set_aside_keeps_its_reference_system_however_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let record = |id: u16, data: &[u8]| Vlr { user: "LASF_Projection".into(), id, data: data.to_vec() };
+    // UTM zone 32 with a citation, as GeoTIFF keys; and WKT.
+    let words: [u16; 12] = [1, 1, 0, 2, 3072, 0, 1, 25832, 1026, 34737, 5, 0];
+    let keys: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let geo_keys = vec![record(34735, &keys), record(34736, &[0; 8]), record(34737, b"UTM32|\0")];
+    let wkt = vec![Vlr::wkt("PROJCS[\"somewhere\"]"), record(2111, b"a transform\0")];
+    for crs in [geo_keys, wkt] {
+        let options = LasOptions { crs: crs.clone(), ..options_of(3, false) };
+        let far = |_: usize| [2_000_000_000, 2_000_000_000, 0];
+        let records = moved(surface(3, 50_000, 1), record_length(3).unwrap(), 1, far);
+        write_las(&at("in.las"), &options, &records);
+        let outcome = convert(&at("in.las"), &at("octree"), &Options::default(), IN_CORE);
+        assert_eq!(outcome.points_set_aside, 1);
+        let (input, aside) =
+            (LasFile::open(&at("in.las")).unwrap(), LasFile::open(&at("octree/set-aside.laz")).unwrap());
+        assert!(input.header().crs.is_some());
+        assert_eq!(aside.header().crs, input.header().crs);
+        assert_eq!(aside.header().crs_records, crs);
+    }
 }

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Exit, failed};
 use crate::measure::stability::{self, Row, Step, Wishes};
+use crate::stage::context::Cancel;
 use crate::stage::machine;
 use crate::synth::Kind;
 
@@ -57,7 +58,10 @@ pub fn run(arguments: Arguments) -> Exit {
         rounds: usize::from(arguments.rounds),
         folder: arguments.temp_dir.unwrap_or_else(std::env::temp_dir),
         threads: arguments.threads.map_or_else(machine::threads, usize::from),
+        cancel: Cancel::default(),
     };
+    // Clouds of gigabytes are not to stay behind when somebody has waited enough.
+    crate::daemon::signals::cancel_on_signal(&wishes.cancel);
     let bar = bar();
     let say = |step: Step| {
         bar.set_length(step.of as u64);

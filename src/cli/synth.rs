@@ -36,6 +36,10 @@ pub struct Arguments {
     /// Of `town`: a stone of 1 cm in 10 km of country instead of a street in a village.
     #[arg(long)]
     teapot: bool,
+    /// Of `outliers`: the side of the box that they span; 780 is the paper's. Where it is 0, they
+    /// lie 200 to 700 km from the middle.
+    #[arg(long, value_name = "KM", default_value_t = 0.0)]
+    span: f64,
 }
 
 /// Points that one thread makes at a time.
@@ -66,6 +70,7 @@ fn write(arguments: &Arguments) -> Result<(), SynthError> {
         share: arguments.share,
         twins: arguments.twins,
         teapot: arguments.teapot,
+        span: arguments.span,
     };
     let scene = Scene::new(recipe)?;
     if arguments.scene != Kind::Strips {

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
 
+use crate::stage::context::Cancel;
 use crate::stage::machine;
 
 /// What a run took.
@@ -40,17 +41,23 @@ pub struct Ended {
 
 /// Runs a command to its end; one that fails is an error.
 pub fn run(command: &mut Command) -> io::Result<Run> {
-    let ended = run_within(command, Duration::MAX)?;
+    run_until(command, &Cancel::default())
+}
+
+/// The same, unless it is called off before.
+pub fn run_until(command: &mut Command, cancel: &Cancel) -> io::Result<Run> {
+    let ended = run_within(command.stdout(Stdio::null()), Duration::MAX, cancel)?;
     if !ended.status.success() {
         return Err(io::Error::other(format!("{command:?} ended with {}", ended.status)));
     }
     Ok(ended.run)
 }
 
-/// Runs a command to its end, whatever that is, or until its time is up.
-pub fn run_within(command: &mut Command, limit: Duration) -> io::Result<Ended> {
+/// Runs a command to its end, whatever that is, or until its time is up. Called
+/// off, it is killed, and that is an error.
+pub fn run_within(command: &mut Command, limit: Duration, cancel: &Cancel) -> io::Result<Ended> {
     let start = Instant::now();
-    let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn()?;
+    let mut child = command.stdin(Stdio::null()).spawn()?;
     let id = Pid::from_child(&child);
     let (mut peak, mut late) = (0, false);
     // Left as a zombie (NOWAIT), so that its times can still be read.
@@ -60,6 +67,11 @@ pub fn run_within(command: &mut Command, limit: Duration) -> io::Result<Ended> {
         if start.elapsed() > limit && !late {
             late = true;
             child.kill()?;
+        }
+        if cancel.is_cancelled() {
+            child.kill()?;
+            child.wait()?;
+            return Err(io::ErrorKind::Interrupted.into());
         }
         std::thread::sleep(LOOK);
     }

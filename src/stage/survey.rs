@@ -321,3 +321,45 @@ fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::las::{LasOptions, LasWriter};
+
+    /// A LAZ header may promise as many points as no coder gets into its bytes, and
+    /// must not have memory prepared for a slice of each million of them.
+    #[test]
+    fn a_header_s_promise_makes_no_more_slices_than_a_cloud_has() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("liar.laz");
+        let options = LasOptions {
+            version: (1, 4),
+            point_format: 0,
+            scale: [0.01; 3],
+            offset: [0.0; 3],
+            compressed: true,
+            extra: Vec::new(),
+            crs: Vec::new(),
+            software: String::new(),
+        };
+        let mut writer = LasWriter::create(&path, &options).expect("created");
+        let noise: Vec<u8> =
+            (0..20 * 400_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        writer.write(&noise).expect("written");
+        writer.finish().expect("written");
+        let mut bytes = std::fs::read(&path).expect("there");
+        let at = u32::from_le_bytes([bytes[96], bytes[97], bytes[98], bytes[99]]) as usize;
+        // A chunk table where there is none, and a count at the bound.
+        bytes[at..at + 8].copy_from_slice(&(at as u64 + 1000).to_le_bytes());
+        let promise = (bytes.len() as u64 - 2000) << 16;
+        bytes[107..111].fill(0);
+        bytes[247..255].copy_from_slice(&promise.to_le_bytes());
+        std::fs::write(&path, &bytes).expect("written");
+        let file = LasFile::open(&path).expect("it can be read from front to back");
+        assert_eq!(file.header().points, promise);
+        assert!(promise > 200_000_000_000);
+        let units = cut_into_units(&[file], promise);
+        assert!(units.len() as u64 <= MOST_UNITS + 1, "{} slices", units.len());
+    }
+}

@@ -27,11 +27,14 @@ pub struct Recipe {
     /// Make the dense middle of `town` a stone of 1 cm, and the country around it
     /// 10 km wide: the teapot in the stadium, at its worst.
     pub teapot: bool,
+    /// Side of the box that `outliers` span, in kilometres; where it is 0 they lie
+    /// 200 to 700 km from the middle.
+    pub span: f64,
 }
 
 impl Recipe {
     pub fn new(kind: Kind, points: u64, seed: u64) -> Recipe {
-        Recipe { kind, points, seed, share: 0.2, twins: false, teapot: false }
+        Recipe { kind, points, seed, share: 0.2, twins: false, teapot: false, span: 0.0 }
     }
 }
 
@@ -41,6 +44,8 @@ pub enum SceneError {
     Empty,
     #[error("the share of duplicates must lie between 0 and 1, not at {0} (see --share)")]
     Share(f64),
+    #[error("the outliers' box may be 1 to {MOST_SPAN} km wide, not {0} (see --span)")]
+    Span(f64),
     #[error("point format {0} does not exist (choose 0 to 10 with --format)")]
     Format(u8),
 }
@@ -79,6 +84,10 @@ const AERIAL: f64 = 0.354;
 /// Points of the outliers scene that are outliers.
 const OUTLIERS: u64 = 6;
 
+/// Kilometres that outliers may span: what 32 bits of centimetres hold, less what
+/// they may be off the middle.
+const MOST_SPAN: f64 = 20_000.0;
+
 /// Hash streams of what happens to single points.
 const CROWD: u64 = 0xd0;
 const STRAY: u64 = 0xd1;
@@ -90,6 +99,9 @@ impl Scene {
         }
         if !(0.0..=1.0).contains(&recipe.share) {
             return Err(SceneError::Share(recipe.share));
+        }
+        if recipe.span != 0.0 && !(1.0..=MOST_SPAN).contains(&recipe.span) {
+            return Err(SceneError::Span(recipe.span));
         }
         let mut scene = Scene { recipe, parts: Vec::new(), tiles: Vec::new(), origin: [0.0; 3] };
         let Recipe { kind, points, seed, .. } = recipe;
@@ -197,8 +209,11 @@ impl Scene {
         let points = self.points();
         (0..OUTLIERS.min(points)).find(|n| (2 * n + 1) * points / (2 * OUTLIERS) == index).map(|n| {
             let dice = hash(self.recipe.seed, n as i64, STRAY as i64);
-            let far = 200_000.0 + 500_000.0 * unit(dice);
-            let near = 90_000.0 * unit(dice.rotate_left(30));
+            let (far, most) = match self.recipe.span {
+                0.0 => (200_000.0 + 500_000.0 * unit(dice), 90_000.0),
+                span => (span * 500.0, span * 400.0),
+            };
+            let near = most * unit(dice.rotate_left(30));
             [[far, near, 900.0], [near, -far, 40.0], [-far, -near, -300.0]][(n % 3) as usize]
         })
     }

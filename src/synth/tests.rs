@@ -216,3 +216,20 @@ fn strips_agree_on_one_fine_lattice() {
     let middles: Vec<f64> = scene.tiles().iter().map(middle).collect();
     assert!(middles.windows(2).all(|pair| (4.0..40.0).contains(&(pair[1] - pair[0]))), "{middles:?}");
 }
+
+#[test]
+fn outliers_span_the_box_that_was_asked_for() {
+    for span in [780.0, 5.0] {
+        let recipe = Recipe { span, ..Recipe::new(Kind::Outliers, 30_000, 1) };
+        let all = positions(&Scene::new(recipe).unwrap().slice(0, 30_000, 0).unwrap(), 0);
+        let side = |axis: usize| {
+            let along = all.iter().map(|p| i64::from(p[axis]));
+            along.clone().max().unwrap() - along.min().unwrap()
+        };
+        assert_eq!(side(0), (span * 1e5) as i64, "in centimetres");
+        assert!(side(1) <= side(0));
+    }
+    for span in [0.5, -1.0, f64::NAN, 1e9] {
+        assert!(Scene::new(Recipe { span, ..Recipe::new(Kind::Outliers, 100, 1) }).is_err());
+    }
+}

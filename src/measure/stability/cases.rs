@@ -39,17 +39,18 @@ impl Case {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(fault(error)),
             _ => std::fs::create_dir_all(folder).map_err(fault)?,
         }
-        let Recipe { kind, points, seed, share, twins, teapot } = self.recipe;
+        let Recipe { kind, points, seed, share, twins, teapot, span } = self.recipe;
         let mut command = Command::new(&wishes.program);
         command.args(["synth", &format!("{kind:?}").to_lowercase(), "--format", FORMAT]);
         command.args(["--points", &points.to_string(), "--seed", &seed.to_string()]);
         command.args(["--share", &share.to_string()]);
+        command.args(["--span", &span.to_string()]);
         command.args(twins.then_some("--twins")).args(teapot.then_some("--teapot"));
         // The scene of many tiles makes a folder of its own.
         let output = if kind == Kind::Strips { folder.to_path_buf() } else { folder.join("cloud.las") };
         command.arg("-o").arg(output);
-        let what = format!("making {}", self.title);
-        process::run(&mut command).map_err(|source| StabilityError::Run { what, source })?;
+        let made = process::run_until(&mut command, &wishes.cancel);
+        wishes.ended(&format!("making {}", self.title), made)?;
         Ok(())
     }
 }
@@ -65,7 +66,9 @@ pub fn wished(wishes: &Wishes) -> Vec<Case> {
     let town = Recipe::new(Kind::Town, points, 1);
     cases.push(Case::called("town, 1 cm in 10 km", Recipe { teapot: true, ..town }));
     if wishes.full {
-        cases.push(Case::called("outliers", Recipe::new(Kind::Outliers, 20_000_000, 1)));
+        let outliers = Recipe::new(Kind::Outliers, 20_000_000, 1);
+        cases.push(Case::called("outliers", outliers));
+        cases.push(Case::called("outliers, 780 km", Recipe { span: 780.0, ..outliers }));
         cases.push(Case::called(
             "town, 1 cm in 10 km",
             Recipe { teapot: true, ..Recipe::new(Kind::Town, 20_000_000, 1) },

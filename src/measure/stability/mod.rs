@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::format::inputs::InputsError;
 use crate::format::las::LasError;
 use crate::format::potree::PotreeError;
+use crate::stage::context::Cancel;
 use crate::stage::options::Sampling;
 use crate::synth::Kind;
 use cases::Case;
@@ -46,6 +47,20 @@ pub struct Wishes {
     /// Clouds and octrees go below this folder, and are removed after each scene.
     pub folder: PathBuf,
     pub threads: usize,
+    /// Stops it all, and leaves nothing behind.
+    pub cancel: Cancel,
+}
+
+impl Wishes {
+    fn go_on(&self) -> Result<()> {
+        if self.cancel.is_cancelled() { Err(StabilityError::Stopped) } else { Ok(()) }
+    }
+
+    /// What became of a process, unless it was called off.
+    fn ended<T>(&self, what: &str, ended: io::Result<T>) -> Result<T> {
+        self.go_on()?;
+        ended.map_err(|source| StabilityError::Run { what: what.to_string(), source })
+    }
 }
 
 /// How far it is.
@@ -69,6 +84,8 @@ pub struct Table {
 pub enum StabilityError {
     #[error("could not work in {}: {source} (choose another place with --temp-dir)", path.display())]
     Folder { path: PathBuf, source: io::Error },
+    #[error("the report was stopped on request; nothing was written")]
+    Stopped,
     #[error("could not measure {what}: {source}")]
     Run { what: String, source: io::Error },
     #[error(transparent)]
@@ -107,6 +124,7 @@ pub fn measure(wishes: &Wishes, say: &dyn Fn(Step), shown: &dyn Fn(&Row)) -> Res
         step(format!("making {}", case.title), done);
         case.make(wishes, &place.cloud())?;
         let own = depth::asked(&place.cloud())?;
+        wishes.go_on()?;
         for sampling in samplings {
             let done = table.rows.len();
             let row = row::measure(wishes, case, sampling, &place, own, &|what| step(what, done))?;
@@ -143,6 +161,10 @@ impl Place {
 
     fn words(&self) -> PathBuf {
         self.0.join("words")
+    }
+
+    fn verdict(&self) -> PathBuf {
+        self.0.join("verdict")
     }
 
     fn clear(&self) -> Result<()> {

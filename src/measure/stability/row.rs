@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use serde::Serialize;
@@ -106,14 +106,14 @@ fn convert(
     place: &Place,
     patience: Duration,
 ) -> Result<Ended> {
-    let fault = |what: &str, source| StabilityError::Run { what: what.to_string(), source };
-    let words = File::create(place.words()).map_err(|source| fault("the conversion", source))?;
+    let words = File::create(place.words());
+    let words = words.map_err(|source| StabilityError::Folder { path: place.words(), source })?;
     let mut command = Command::new(&wishes.program);
     command.args(["convert", "--overwrite", "--progress", "json", "--log", "warn", "-m"]);
     command.arg(format!("{sampling:?}").to_lowercase());
     command.args(["--threads", &wishes.threads.to_string()]);
-    command.arg(cloud).arg("-o").arg(place.octree()).stderr(words);
-    process::run_within(&mut command, patience).map_err(|source| fault("the conversion", source))
+    command.arg(cloud).arg("-o").arg(place.octree()).stdout(Stdio::null()).stderr(words);
+    wishes.ended("the conversion", process::run_within(&mut command, patience, &wishes.cancel))
 }
 
 /// In a word, or in those that the program had for it.
@@ -148,14 +148,14 @@ impl Row {
             let counts = aside.iter().filter_map(|(reason, n)| Some((reason.clone(), n.as_u64()?)));
             self.set_aside = counts.collect();
         }
-        let verified = Command::new(&wishes.program)
-            .args(["verify", "--json", "--threads", &wishes.threads.to_string()])
-            .arg(&octree)
-            .arg("--against")
-            .arg(place.cloud())
-            .output()
-            .map_err(|source| StabilityError::Run { what: "the verification".to_string(), source })?;
-        let report: serde_json::Value = serde_json::from_slice(&verified.stdout).unwrap_or_default();
+        let fault = |source| StabilityError::Folder { path: place.verdict(), source };
+        let verdict = File::create(place.verdict()).map_err(fault)?;
+        let mut verify = Command::new(&wishes.program);
+        verify.args(["verify", "--json", "--threads", &wishes.threads.to_string()]);
+        verify.arg(&octree).arg("--against").arg(place.cloud()).stdout(verdict).stderr(Stdio::null());
+        wishes.ended("the verification", process::run_within(&mut verify, Duration::MAX, &wishes.cancel))?;
+        let verdict = fs::read(place.verdict()).map_err(fault)?;
+        let report: serde_json::Value = serde_json::from_slice(&verdict).unwrap_or_default();
         let against = &report["against"];
         self.exact = report["ok"] == true
             && against["missing"] == 0
@@ -171,8 +171,10 @@ impl Row {
         } else if !self.exact {
             missed.push("not exact".to_string());
         }
-        if self.seconds_times > MOST_TIME && self.cpu_times > MOST_TIME {
-            missed.push(format!("time {:.1} ×", self.seconds_times));
+        for (what, times) in [("time", self.seconds_times), ("processor time", self.cpu_times)] {
+            if times > MOST_TIME {
+                missed.push(format!("{what} {times:.1} ×"));
+            }
         }
         if self.peak_times > MOST_MEMORY {
             missed.push(format!("memory {:.1} ×", self.peak_times));
