@@ -3,23 +3,13 @@
 //! position and level, so that the same cloud always gives the same octree.
 
 use super::sampler::{Item, Sampler};
-use crate::cloud::cube::{Frame, SPACING_BITS};
+use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 
-const CELLS: usize = 1 << (3 * SPACING_BITS);
-
-/// One slot a cell; only the slots that were used are cleared.
-pub struct RandomInGrid {
-    /// Per cell: ordinal + 1 of the best candidate so far, or 0.
-    best: Vec<u32>,
-    touched: Vec<u32>,
-}
-
-impl Default for RandomInGrid {
-    fn default() -> RandomInGrid {
-        RandomInGrid { best: vec![0; CELLS], touched: Vec::new() }
-    }
-}
+/// Candidates come in Morton order, so those of a cell come one behind the
+/// other: a single pass that remembers one cell, and no grid.
+#[derive(Default)]
+pub struct RandomInGrid;
 
 /// A well mixed number from a position; seeded by the level, because a hash
 /// that is reused from level to level would prefer the same points again.
@@ -36,37 +26,58 @@ impl Sampler for RandomInGrid {
     fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
         taken.clear();
         let shift = frame.spacing_shift();
-        let mut starts = Vec::with_capacity(candidates.len());
-        for set in candidates {
-            starts.push(taken.len());
-            for item in *set {
-                let [x, y, z] = frame.local(item.at).map(|c| (c >> shift) as usize);
-                let cell = (z << SPACING_BITS | y) << SPACING_BITS | x;
-                let ordinal = taken.len();
-                let slot = self.best[cell];
-                if slot == 0 {
-                    self.touched.push(cell as u32);
-                    self.best[cell] = ordinal as u32 + 1;
-                    taken.push(true);
-                    continue;
+        let mut cell = None;
+        // The best of the cell so far: its ordinal and its rank.
+        let mut best = (0, 0);
+        for item in candidates.iter().copied().flatten() {
+            let own = Some(item.at.map(|c| c >> shift));
+            let rank = rank(item.at, node.level);
+            let wins = own != cell || rank < best.1;
+            if wins {
+                if own == cell {
+                    taken[best.0] = false;
                 }
-                let rival = find(candidates, &starts, slot as usize - 1);
-                let wins = rank(item.at, node.level) < rank(rival.at, node.level);
-                if wins {
-                    taken[slot as usize - 1] = false;
-                    self.best[cell] = ordinal as u32 + 1;
-                }
-                taken.push(wins);
+                best = (taken.len(), rank);
+                cell = own;
             }
-        }
-        for cell in self.touched.drain(..) {
-            self.best[cell as usize] = 0;
+            taken.push(wins);
         }
     }
 }
 
-/// The candidate of an ordinal; there are at most eight sets.
-fn find(candidates: &[&[Item]], starts: &[usize], ordinal: usize) -> Item {
-    let set = starts.iter().rposition(|start| *start <= ordinal).unwrap_or(0);
-    candidates[set][ordinal - starts[set]]
+#[cfg(test)]
+mod tests {
+    use super::super::order;
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::HashMap;
+
+    proptest! {
+        /// The same as by a table of cells: of each, the first of the lowest rank.
+        #[test]
+        fn one_a_cell_is_taken_that_of_the_lowest_rank(
+            points in proptest::collection::vec((0u32..1024, 0u32..40, 0u32..1024), 1..500), level in 0u8..3,
+        ) {
+            let frame = Frame { origin: [0; 3], side_bits: 10 };
+            let mut items: Vec<Item> =
+                points.iter().zip(0..).map(|((x, y, z), index)| Item { at: [*x, *y, *z], index }).collect();
+            let mut spare = items.clone();
+            order::sort(frame, &mut items, &mut spare);
+            let mut lowest: HashMap<[u32; 3], (u64, u32)> = HashMap::new();
+            for item in &items {
+                let own = (rank(item.at, level), item.index);
+                let entry = lowest.entry(item.at.map(|c| c >> 3)).or_insert(own);
+                if own.0 < entry.0 {
+                    *entry = own;
+                }
+            }
+            let mut taken = Vec::new();
+            let split = items.partition_point(|i| i.at[0] < 512);
+            let node = NodeKey { level, at: [0; 3] };
+            RandomInGrid.sample(node, frame, &[&items[..split], &items[split..]], &mut taken);
+            for (item, taken) in items.iter().zip(taken) {
+                prop_assert_eq!(lowest[&item.at.map(|c| c >> 3)].1 == item.index, taken);
+            }
+        }
+    }
 }
