@@ -18,20 +18,27 @@ const BUCKETS: usize = 1 << DIGIT;
 /// Items for which going through all buckets would be the dearest part.
 const FEW: usize = 256;
 
-/// Spreads seven bits to every third.
-#[inline]
-fn spread(v: u32) -> u32 {
-    let v = (v | v << 8) & 0x0300_F00F;
-    let v = (v | v << 4) & 0x030C_30C3;
-    (v | v << 2) & 0x0924_9249
-}
+/// Numbers of seven bits with their bits spread to every third.
+const SPREAD: [u32; 1 << BITS] = {
+    let mut table = [0; 1 << BITS];
+    let mut v = 0;
+    while v < table.len() {
+        let mut bit = 0;
+        while bit < BITS {
+            table[v] |= (v as u32 >> bit & 1) << (3 * bit);
+            bit += 1;
+        }
+        v += 1;
+    }
+    table
+};
 
 /// Morton code of coordinates within a node, at the node's spacing.
 #[inline]
 pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
     let down = frame.side_bits.saturating_sub(BITS);
-    let [x, y, z] = frame.local(at).map(|c| c >> down);
-    spread(x) << 2 | spread(y) << 1 | spread(z)
+    let [x, y, z] = frame.local(at).map(|c| SPREAD[(c >> down) as usize & (SPREAD.len() - 1)]);
+    x << 2 | y << 1 | z
 }
 
 /// Sorts a node's items by Morton code, stable, in two counting passes of eleven

@@ -25,22 +25,26 @@ fn rank(at: [u32; 3], level: u8) -> u64 {
 impl Sampler for RandomInGrid {
     fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
         taken.clear();
+        taken.resize(candidates.iter().map(|set| set.len()).sum(), false);
         let shift = frame.spacing_shift();
-        let mut cell = None;
-        // The best of the cell so far: its ordinal and its rank.
-        let mut best = (0, 0);
-        for item in candidates.iter().copied().flatten() {
-            let own = Some(item.at.map(|c| c >> shift));
-            let rank = rank(item.at, node.level);
-            let wins = own != cell || rank < best.1;
-            if wins {
-                if own == cell {
-                    taken[best.0] = false;
-                }
-                best = (taken.len(), rank);
+        // The best of the cell so far.
+        let (mut cell, mut best, mut lowest) = ([u32::MAX; 3], 0, u64::MAX);
+        let mut ordinal = 0;
+        for set in candidates {
+            for item in *set {
+                // Nothing here can be foreseen, so nothing branches: each flag
+                // is set as if the last one before it had to give way.
+                let own = item.at.map(|c| c >> shift);
+                let rank = rank(item.at, node.level);
+                let is_new = own != cell;
+                let wins = is_new | (rank < lowest);
+                taken[best] &= is_new | !wins;
+                taken[ordinal] = wins;
+                best = if wins { ordinal } else { best };
+                lowest = if wins { rank } else { lowest };
                 cell = own;
+                ordinal += 1;
             }
-            taken.push(wins);
         }
     }
 }

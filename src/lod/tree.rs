@@ -188,11 +188,14 @@ impl<'s, E: Emit> Builder<'s, E> {
         let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
-        let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count());
-        let mut flags = self.taken.iter();
+        let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count() + 1);
+        let mut rest = self.taken.as_slice();
         let mut kept = Vec::with_capacity(children.len());
         for child in &mut children {
-            kept.push(move_taken(child.set.items(), &mut flags, &mut accepted));
+            let items = child.set.items();
+            let (taken, behind) = rest.split_at(items.len());
+            kept.push(move_taken(items, taken, &mut accepted));
+            rest = behind;
         }
         let mut has_children = false;
         for (mut child, kept) in children.into_iter().zip(kept) {
@@ -206,23 +209,23 @@ impl<'s, E: Emit> Builder<'s, E> {
     }
 }
 
-/// Moves the taken items to `accepted` and closes the gaps they leave; returns
-/// how many stay. Order is kept on both sides.
-pub fn move_taken<'f>(
-    items: &mut [Item],
-    flags: &mut impl Iterator<Item = &'f bool>,
-    accepted: &mut Vec<Item>,
-) -> usize {
-    let mut kept = 0;
+/// Moves the taken items to the end of `accepted` and closes the gaps they leave;
+/// returns how many stay. Order is kept on both sides.
+///
+/// About every other item is taken, by no pattern, so there is no branch to be
+/// guessed wrong: each is written to both places and then counted in one.
+pub fn move_taken(items: &mut [Item], taken: &[bool], accepted: &mut Vec<Item>) -> usize {
+    let (mut kept, mut end) = (0, accepted.len());
+    // One more than fits: where an item that stays is written for nothing.
+    accepted.resize(end + taken.iter().filter(|t| **t).count() + 1, Item::default());
     for i in 0..items.len() {
         let item = items[i];
-        if flags.next() == Some(&true) {
-            accepted.push(item);
-        } else {
-            items[kept] = item;
-            kept += 1;
-        }
+        items[kept] = item;
+        accepted[end] = item;
+        kept += usize::from(!taken[i]);
+        end += usize::from(taken[i]);
     }
+    accepted.truncate(end);
     kept
 }
 

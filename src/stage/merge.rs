@@ -223,10 +223,12 @@ impl<'a> Merger<'a> {
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
         let mut items = Vec::new();
-        let mut flags = self.taken.iter();
+        let mut rest = self.taken.as_slice();
         for child in &mut children {
             let first = items.len();
-            let kept = move_taken(&mut child.items, &mut flags, &mut items);
+            let (taken, behind) = rest.split_at(child.items.len());
+            let kept = move_taken(&mut child.items, taken, &mut items);
+            rest = behind;
             child.items.truncate(kept);
             for (item, index) in items[first..].iter_mut().zip(first as u32..) {
                 records.extend_from_slice(&child.records[item.index as usize * size..][..size]);
