@@ -84,6 +84,8 @@ impl Statistics {
                     [_] => columns.add::<1>(row),
                     [_, _] => columns.add::<2>(row),
                     [_, _, _] => columns.add::<3>(row),
+                    [_, _, _, _] => columns.add::<4>(row),
+                    [_, _, _, _, _] => columns.add::<5>(row),
                     _ => columns.add::<TOGETHER>(row),
                 }
             }
@@ -98,7 +100,7 @@ const BLOCK: usize = 4096;
 /// Elements at most that are looked at in one pass over the records. Looking at
 /// one alone waits for itself: most counts go to the same place as the one
 /// before.
-const TOGETHER: usize = 4;
+const TOGETHER: usize = 6;
 
 /// One element of an attribute, and where its statistics go.
 struct Element<'a> {

@@ -9,16 +9,18 @@
 //! 2 + log2 m for any m).
 
 use super::sampler::Item;
-use crate::cloud::cube::Frame;
+use crate::cloud::cube::{Frame, SPACING_BITS};
 
-/// Bits an axis that decide the Morton order: 128 cells, the node's spacing.
-const BITS: u32 = 7;
-const DIGIT: u32 = 11;
+/// Bits an axis that decide the Morton order of a leaf: 64 cells, the spacing of
+/// its parent. Two digits of nine bits, each few enough buckets for the core's
+/// own cache.
+const BITS: u32 = SPACING_BITS - 1;
+const DIGIT: u32 = 9;
 const BUCKETS: usize = 1 << DIGIT;
 /// Items for which going through all buckets would be the dearest part.
-const FEW: usize = 256;
+const FEW: usize = 128;
 
-/// Numbers of seven bits with their bits spread to every third.
+/// Numbers of six bits with their bits spread to every third.
 const SPREAD: [u32; 1 << BITS] = {
     let mut table = [0; 1 << BITS];
     let mut v = 0;
@@ -33,7 +35,7 @@ const SPREAD: [u32; 1 << BITS] = {
     table
 };
 
-/// Morton code of coordinates within a node, at the node's spacing.
+/// Morton code of coordinates within a node.
 #[inline]
 pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
     let down = frame.side_bits.saturating_sub(BITS);
@@ -41,8 +43,7 @@ pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
     x << 2 | y << 1 | z
 }
 
-/// Sorts a node's items by Morton code, stable, in two counting passes of eleven
-/// bits; `spare` is room for as many.
+/// Sorts a node's items by Morton code, stable, in two counting passes; `spare` is room for as many.
 ///
 /// Only leaves are sorted: a sample taken in order from sorted children is in
 /// order itself.

@@ -199,6 +199,7 @@ impl<'o> Indexer<'o> {
         }
         let mut writer = NodeWriter::new(survey, self.options.encoding);
         writer.records = std::mem::take(&mut self.records);
+        writer.block = octree.block();
         if self.options.encoding == Encoding::Default {
             writer.block.bytes.reserve(writer.records.len());
         }

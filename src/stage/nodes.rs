@@ -25,6 +25,8 @@ pub struct NodeWriter<'a> {
     pub records: Vec<u8>,
     schema: &'a Schema,
     encoding: Encoding,
+    /// Buffers.
+    order: Vec<u32>,
     plain: Vec<u8>,
     pub block: Block,
     pub points: u64,
@@ -36,35 +38,43 @@ impl<'a> NodeWriter<'a> {
             records: Vec::new(),
             schema: &survey.unified.schema,
             encoding,
+            order: Vec::new(),
             plain: Vec::new(),
             block: Block::default(),
             points: 0,
         }
     }
 
-    /// Appends the records of items to `out`.
-    pub fn gather(&self, items: &[Item], order: impl Iterator<Item = usize>, out: &mut [u8]) {
+    /// The records of items, in an order of their ranks, into `out`.
+    pub fn gather(&mut self, items: &[Item], order: impl Iterator<Item = usize>, out: &mut [u8]) {
         let size = self.schema.record_size();
-        for (to, rank) in out.chunks_exact_mut(size).zip(order) {
-            let from = items[rank].index as usize * size;
+        // Numbers first: then the copies wait for nothing but themselves, and
+        // many of them are on their way at once.
+        self.order.clear();
+        self.order.extend(order.map(|rank| items[rank].index));
+        for (to, index) in out.chunks_exact_mut(size).zip(&self.order) {
+            let from = *index as usize * size;
             record::copy_record(&self.records[from..from + size], to);
         }
     }
 
-    fn encode(&mut self, node: NodeKey, points: usize) -> Result<(), StageError> {
-        let offset = self.block.bytes.len() as u64;
-        match self.encoding {
-            Encoding::Default => self.block.bytes.extend_from_slice(&self.plain),
-            Encoding::Brotli => {
-                potree::encode_brotli(self.schema, &self.plain, BROTLI_QUALITY, &mut self.block.bytes)
-                    .map_err(|e| StageError::Inconsistent(e.to_string()))?;
-            }
-        }
-        let size = self.block.bytes.len() as u64 - offset;
-        let points = u32::try_from(points)
-            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {points} points")))?;
-        self.block.nodes.push(NodeEntry { node, points, offset, size });
-        self.points += u64::from(points);
+    /// Puts a node's records behind those before, as they are.
+    fn put_plain(&mut self, items: &[Item]) {
+        let mut block = std::mem::take(&mut self.block.bytes);
+        let room = block.room(items.len() * self.schema.record_size());
+        self.gather(items, order::coarse_to_fine(items.len()), room);
+        self.block.bytes = block;
+    }
+
+    fn put_brotli(&mut self, items: &[Item]) -> Result<(), StageError> {
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.resize(items.len() * self.schema.record_size(), 0);
+        self.gather(items, order::coarse_to_fine(items.len()), &mut plain);
+        self.plain = plain;
+        let mut stream = Vec::new();
+        potree::encode_brotli(self.schema, &self.plain, BROTLI_QUALITY, &mut stream)
+            .map_err(|e| StageError::Inconsistent(e.to_string()))?;
+        self.block.bytes.room(stream.len()).copy_from_slice(&stream);
         Ok(())
     }
 }
@@ -73,11 +83,17 @@ impl Emit for NodeWriter<'_> {
     type Error = StageError;
 
     fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), StageError> {
-        let mut plain = std::mem::take(&mut self.plain);
-        plain.resize(items.len() * self.schema.record_size(), 0);
-        self.gather(items, order::coarse_to_fine(items.len()), &mut plain);
-        self.plain = plain;
-        self.encode(node, items.len())
+        let offset = self.block.bytes.len() as u64;
+        match self.encoding {
+            Encoding::Default => self.put_plain(items),
+            Encoding::Brotli => self.put_brotli(items)?,
+        }
+        let size = self.block.bytes.len() as u64 - offset;
+        let points = u32::try_from(items.len())
+            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {} points", items.len())))?;
+        self.block.nodes.push(NodeEntry { node, points, offset, size });
+        self.points += u64::from(points);
+        Ok(())
     }
 }
 
