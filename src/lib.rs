@@ -27,6 +27,7 @@ pub mod lod;
 // The ground: what touches the machine, so that tests can make it fail.
 pub mod clock;
 pub mod disk;
+pub mod memory;
 pub mod metrics;
 
 // Bytes of other people's formats.

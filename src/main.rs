@@ -2,6 +2,11 @@
 
 use std::process::ExitCode;
 
+use lodestone::memory::LargePages;
+
+#[global_allocator]
+static MEMORY: LargePages = LargePages;
+
 fn main() -> ExitCode {
     lodestone::cli::run()
 }

@@ -2,36 +2,51 @@
 //! the same minutes.
 //!
 //! ```text
-//! cargo bench --bench convert -- [--points 5M] [--rounds 3] [--threads N] [--brotli]
+//! cargo bench --bench convert -- [--points 5M,20M,…] [--scenes terrain,object,…] [--rounds 3]
+//!     [--threads N] [--brotli] [--memory-limit 512M] [--folder DIR]
 //! ```
 //!
-//! A synthetic terrain of `--points` (26-byte records) as LAS and as LAZ, and,
+//! Synthetic scenes of so many points (26-byte records) as LAS and as LAZ, and,
 //! where `LODESTONE_DATA` names the folder of real clouds, the largest of them
 //! too. Every figure is the median of `--rounds` runs, each a process of its
 //! own; all methods take turns (A B C A B C …), so that a busy minute strikes
 //! them all; inputs are read once before, so that they come from memory.
-//! "× floor" is the processor time of a conversion over that of its floors:
-//! for LAS copying the input, for LAZ decoding it once on all cores, and for
-//! both writing as many bytes as the octree has.
+//!
+//! "× floor" is the processor time of a conversion over that of its floors: for
+//! LAS copying the input, for LAZ decoding it once on all cores, and for both
+//! writing as many bytes as the octree has. "× D" is it over decoding the cloud's
+//! LAZ once, whatever the input was: a measure that holds on any machine. A
+//! second table has the seconds of each stage, and how busy the threads were.
+//! Where there are several clouds, a last one has what a point costs in each.
+//!
+//! `--folder` is where clouds and octrees lie, by default the system's folder of
+//! temporary files: 320 million points take 8 GB as LAS, 3 as LAZ and 9 as octree,
+//! and as much as the LAS again where the memory limit is below it.
 
 mod floors;
+mod tables;
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use lodestone::measure::process::{self as measure, Run, spread};
+use lodestone::measure::process::{self as measure, Run};
+use tables::Cost;
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_lodestone");
 
 struct Wishes {
-    points: String,
+    points: Vec<String>,
+    scenes: Vec<String>,
     rounds: usize,
     threads: usize,
     brotli: bool,
+    memory_limit: Option<String>,
+    folder: PathBuf,
 }
 
 /// Something that is measured: a command and what it is called.
@@ -41,6 +56,8 @@ struct Method {
     /// Of conversions: where the octree appears, and the methods that are its floors.
     octree: Option<(PathBuf, Vec<usize>)>,
     runs: Vec<Run>,
+    /// Of conversions: seconds by stage, a map a run.
+    stages: Vec<BTreeMap<String, f64>>,
 }
 
 fn main() -> ExitCode {
@@ -60,15 +77,27 @@ fn main() -> ExitCode {
 
 fn wishes(arguments: &[String]) -> Outcome<Wishes> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut wishes = Wishes { points: "5M".to_string(), rounds: 3, threads: cores, brotli: false };
+    let list = |value: String| value.split(',').map(str::to_string).collect::<Vec<_>>();
+    let mut wishes = Wishes {
+        points: vec!["5M".to_string()],
+        scenes: vec!["terrain".to_string()],
+        rounds: 3,
+        threads: cores,
+        brotli: false,
+        memory_limit: None,
+        folder: std::env::temp_dir(),
+    };
     let mut rest = arguments.iter();
     while let Some(argument) = rest.next() {
         let mut value = || rest.next().cloned().ok_or(format!("{argument} wants a value"));
         match argument.as_str() {
-            "--points" => wishes.points = value()?,
+            "--points" => wishes.points = list(value()?),
+            "--scenes" => wishes.scenes = list(value()?),
             "--rounds" => wishes.rounds = value()?.parse::<usize>()?.max(1),
             "--threads" => wishes.threads = value()?.parse::<usize>()?.max(1),
             "--brotli" => wishes.brotli = true,
+            "--memory-limit" => wishes.memory_limit = Some(value()?),
+            "--folder" => wishes.folder = PathBuf::from(value()?),
             "--bench" => {} // cargo's own
             other => return Err(format!("{other} is not understood (see benches/convert/main.rs)").into()),
         }
@@ -77,27 +106,35 @@ fn wishes(arguments: &[String]) -> Outcome<Wishes> {
 }
 
 fn bench(wishes: &Wishes) -> Outcome<()> {
-    let folder = tempfile::Builder::new().prefix("lodestone-bench-").tempdir()?;
-    let place = |name: &str| folder.path().join(name);
-    let (las, laz) = (place("terrain.las"), place("terrain.laz"));
-    for file in [&las, &laz] {
-        let output = file.display().to_string();
-        let synth = ["synth", "terrain", "--format", "2", "--points", &wishes.points, "-o", &output];
-        measure::run(Command::new(BINARY).args(synth))?;
+    let folder = tempfile::Builder::new().prefix("lodestone-bench-").tempdir_in(&wishes.folder)?;
+    let mut costs: Vec<Cost> = Vec::new();
+    for points in &wishes.points {
+        for scene in &wishes.scenes {
+            let [las, laz] = ["las", "laz"].map(|kind| folder.path().join(scene).with_extension(kind));
+            for file in [&las, &laz] {
+                let output = file.display().to_string();
+                let synth = ["synth", scene, "--format", "2", "--points", points, "-o", &output];
+                measure::run(Command::new(BINARY).args(synth))?;
+            }
+            let title = format!("{scene}, {points} points");
+            costs.push(compare(wishes, &title, &las, &laz, folder.path())?);
+            fs::remove_file(&las)?;
+            fs::remove_file(&laz)?;
+        }
     }
-    compare(wishes, &format!("terrain, {} points", wishes.points), &las, &laz, folder.path())?;
-    fs::remove_file(&las)?;
-    fs::remove_file(&laz)?;
-
-    let Some(data) = std::env::var_os("LODESTONE_DATA").map(PathBuf::from) else {
-        println!("LODESTONE_DATA is not set: no real cloud was measured");
-        return Ok(());
-    };
-    let laz = largest(&data.join("large"))?;
-    let las = place("real.las");
-    measure::run(Command::new(std::env::current_exe()?).args(["floor", "unpack"]).arg(&laz).arg(&las))?;
-    let title = laz.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    compare(wishes, &title, &las, &laz, folder.path())
+    match std::env::var_os("LODESTONE_DATA").map(PathBuf::from) {
+        None => println!("LODESTONE_DATA is not set: no real cloud was measured"),
+        Some(data) => {
+            let laz = largest(&data.join("large"))?;
+            let las = folder.path().join("real.las");
+            let unpack = ["floor", "unpack"];
+            measure::run(Command::new(std::env::current_exe()?).args(unpack).arg(&laz).arg(&las))?;
+            let title = laz.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            costs.push(compare(wishes, &title, &las, &laz, folder.path())?);
+        }
+    }
+    tables::costs(&costs);
+    Ok(())
 }
 
 fn largest(folder: &Path) -> Outcome<PathBuf> {
@@ -113,8 +150,8 @@ fn largest(folder: &Path) -> Outcome<PathBuf> {
     best.map(|(_, path)| path).ok_or(format!("no LAZ file in {}", folder.display()).into())
 }
 
-/// Measures one cloud, as LAS and as LAZ, and prints its table.
-fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) -> Outcome<()> {
+/// Measures one cloud, as LAS and as LAZ, and prints its tables.
+fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) -> Outcome<Cost> {
     let points = points_of(las)?;
     // The floor of writing must know how much is written.
     let trial = conversion(wishes, las, &folder.join("trial"), &[]);
@@ -124,7 +161,7 @@ fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) 
 
     let mut methods = methods(wishes, las, laz, folder, written);
     for path in [las, laz] {
-        fs::read(path)?; // into the page cache
+        std::io::copy(&mut fs::File::open(path)?, &mut std::io::sink())?; // into the page cache
     }
     for round in 0..wishes.rounds {
         for method in &mut methods {
@@ -132,6 +169,7 @@ fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) 
             method.runs.push(measure::run(&mut command(&method.arguments)?)?);
             if let Some((octree, _)) = &method.octree {
                 check(octree, points)?;
+                method.stages.push(stages(octree)?);
                 fs::remove_dir_all(octree)?;
             }
         }
@@ -145,8 +183,16 @@ fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) 
         wishes.threads,
         wishes.rounds
     );
-    print(&methods, points as f64 / 1e6);
-    Ok(())
+    let millions = points as f64 / 1e6;
+    tables::methods(&methods, millions);
+    tables::stages(&methods, wishes.threads);
+    Ok(tables::cost(title, &methods, millions))
+}
+
+/// Seconds of each stage, as the report beside the octree has them.
+fn stages(octree: &Path) -> Outcome<BTreeMap<String, f64>> {
+    let report: serde_json::Value = serde_json::from_slice(&fs::read(octree.join("report.json"))?)?;
+    Ok(serde_json::from_value(report["seconds_by_stage"].clone())?)
 }
 
 fn methods(wishes: &Wishes, las: &Path, laz: &Path, folder: &Path, written: u64) -> Vec<Method> {
@@ -155,14 +201,14 @@ fn methods(wishes: &Wishes, las: &Path, laz: &Path, folder: &Path, written: u64)
     let mut methods: Vec<Method> = Vec::new();
     let mut floor = |name: &str, arguments: [&str; 3]| {
         let arguments = ["floor"].iter().chain(&arguments).map(ToString::to_string).collect();
-        methods.push(Method { name: name.to_string(), arguments, octree: None, runs: Vec::new() });
+        let (name, runs, stages) = (name.to_string(), Vec::new(), Vec::new());
+        methods.push(Method { name, arguments, octree: None, runs, stages });
         methods.len() - 1
     };
     let copy = floor("floor: copy the LAS", ["copy", &text(las), &out]);
     floor("floor: copy the LAZ", ["copy", &text(laz), &out]);
     floor("floor: decode the LAZ, 1 thread", ["decode", &text(laz), "1"]);
-    let decode =
-        floor("floor: decode the LAZ, all cores", ["decode", &text(laz), &wishes.threads.to_string()]);
+    let decode = floor(tables::DECODE, ["decode", &text(laz), &wishes.threads.to_string()]);
     let write = floor("floor: write the octree's bytes", ["write", &out, &written.to_string()]);
     let mut variants = vec![("poisson", "default"), ("random", "default")];
     if wishes.brotli {
@@ -178,6 +224,7 @@ fn methods(wishes: &Wishes, las: &Path, laz: &Path, folder: &Path, written: u64)
                 arguments: conversion(wishes, input, &octree, &["-m", sampling, "--encoding", encoding]),
                 octree: Some((octree, vec![read, write])),
                 runs: Vec::new(),
+                stages: Vec::new(),
             });
         }
     }
@@ -189,7 +236,9 @@ fn conversion(wishes: &Wishes, input: &Path, octree: &Path, more: &[&str]) -> Ve
     let threads = wishes.threads.to_string();
     let fixed =
         ["convert", &input, "-o", &octree, "--overwrite", "--progress", "none", "--threads", &threads];
-    fixed.iter().chain(more).map(ToString::to_string).collect()
+    let limit = wishes.memory_limit.as_deref().map(|limit| ["--memory-limit", limit]);
+    let limit = limit.iter().flatten();
+    fixed.iter().chain(more).chain(limit).map(ToString::to_string).collect()
 }
 
 fn command(arguments: &[String]) -> Outcome<Command> {
@@ -216,30 +265,4 @@ fn check(octree: &Path, points: u64) -> Outcome<u64> {
 
 fn points_of(las: &Path) -> Outcome<u64> {
     Ok(lodestone::format::las::LasFile::open(las)?.header().points)
-}
-
-fn print(methods: &[Method], millions: f64) {
-    println!("| | s | M points/s | CPU-s/M points | peak MB | × floor |\n|---|---:|---:|---:|---:|---:|");
-    let cpu = |method: &Method| spread(method.runs.iter().map(|run| run.cpu));
-    for method in methods {
-        let wall = spread(method.runs.iter().map(|run| run.wall));
-        let own = cpu(method);
-        let peak = method.runs.iter().map(|run| run.peak).max().unwrap_or(0);
-        let times = method.octree.as_ref().map_or(String::new(), |(_, floors)| {
-            let floor: f64 = floors.iter().map(|&index| cpu(&methods[index]).median).sum();
-            format!("{:.1}", own.median / floor)
-        });
-        println!(
-            "| {} | {:.2} ({:.2}–{:.2}) | {:.2} | {:.3} ({:.3}–{:.3}) | {:.0} | {times} |",
-            method.name,
-            wall.median,
-            wall.min,
-            wall.max,
-            millions / wall.median,
-            own.median / millions,
-            own.min / millions,
-            own.max / millions,
-            peak as f64 / 1e6,
-        );
-    }
 }

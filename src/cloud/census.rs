@@ -71,6 +71,55 @@ impl Grid {
     }
 }
 
+/// Cells that a tally has in hand.
+const IN_HAND: usize = 1 << 10;
+
+/// Counts of the cells that were last met, each at the place of its number's
+/// last bits. Neighbours in the file are mostly neighbours in space, a scan
+/// line returns to the cells of the line before: many points of one cell become
+/// one atomic addition, the last of them when the tally is dropped.
+pub struct Tally<'a> {
+    census: &'a Census,
+    /// Grid, cell and points.
+    in_hand: Vec<(u32, u32, u32)>,
+}
+
+impl Tally<'_> {
+    /// Counts points; in a refinement only those of the refined cells. Returns
+    /// the number of points outside the grid.
+    pub fn count(&mut self, points: impl Iterator<Item = [u32; 3]>) -> u64 {
+        let census = self.census;
+        let mut outside = 0;
+        for tree in points {
+            match census.find(tree) {
+                None => outside += 1,
+                Some((grid, _)) if grid < census.fresh => {}
+                Some((grid, cell)) => self.add(grid, cell),
+            }
+        }
+        outside
+    }
+
+    #[inline]
+    fn add(&mut self, grid: usize, cell: usize) {
+        let slot = &mut self.in_hand[cell % IN_HAND];
+        let met = (grid as u32, cell as u32);
+        if (slot.0, slot.1) != met {
+            self.census.grids[slot.0 as usize].add(slot.1 as usize, u64::from(slot.2));
+            *slot = (met.0, met.1, 0);
+        }
+        slot.2 += 1;
+    }
+}
+
+impl Drop for Tally<'_> {
+    fn drop(&mut self) {
+        for (grid, cell, points) in self.in_hand.iter().filter(|slot| slot.2 > 0) {
+            self.census.grids[*grid as usize].add(*cell as usize, u64::from(*points));
+        }
+    }
+}
+
 /// A cell link that leads to a finer grid instead of where the plan said.
 pub const REFINED: u32 = 1 << 31;
 /// A cell without a link.
@@ -105,34 +154,14 @@ impl Census {
         self.bits
     }
 
-    /// Counts points of a slice; can be called from many threads at once. In a
-    /// refinement only the refined cells' points are counted. Returns the
-    /// number of points outside the grid.
+    /// Counts points; returns the number of those outside the grid.
     pub fn count(&self, points: impl Iterator<Item = [u32; 3]>) -> u64 {
-        // Neighbours in the file are mostly neighbours in space: a run of
-        // points in one cell becomes one atomic addition.
-        let (mut last_grid, mut last_cell, mut run) = (0, usize::MAX, 0);
-        let mut outside = 0;
-        for tree in points {
-            let Some((grid, cell)) = self.find(tree) else {
-                outside += 1;
-                continue;
-            };
-            if grid < self.fresh {
-                continue;
-            }
-            if cell != last_cell || grid != last_grid {
-                if run > 0 {
-                    self.grids[last_grid].add(last_cell, run);
-                }
-                (last_grid, last_cell, run) = (grid, cell, 0);
-            }
-            run += 1;
-        }
-        if run > 0 {
-            self.grids[last_grid].add(last_cell, run);
-        }
-        outside
+        self.tally().count(points)
+    }
+
+    /// Counts points of a slice; many threads can have one each.
+    pub fn tally(&self) -> Tally<'_> {
+        Tally { census: self, in_hand: vec![(0, 0, 0); IN_HAND] }
     }
 
     /// The finest grid and its cell that hold tree coordinates.

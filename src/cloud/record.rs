@@ -5,6 +5,7 @@
 //! has them. Layouts of the point formats 0 to 10: LAS 1.4 R15, tables 7 to 17.
 
 use super::attribute::{Attribute, ExtraField, Scalar, Schema};
+use super::mover::Mover;
 use super::naming::{merge, viewing_order};
 
 /// One file's raw records.
@@ -19,7 +20,7 @@ pub struct Source {
 
 /// A field of a raw record: whole bytes, or some bits of one byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+pub(super) enum Place {
     Bytes { at: usize, len: usize },
     Bits { at: usize, shift: u8, mask: u8 },
 }
@@ -219,7 +220,7 @@ impl Unified {
                 schema.attributes.push(attribute.clone());
             }
         }
-        let movers = places.iter().map(|p| Mover::new(p, &offsets)).collect();
+        let movers = places.iter().map(|p| Mover::new(p, &offsets, at)).collect();
         Unified { schema, unused, left_out, movers }
     }
 
@@ -236,73 +237,6 @@ pub fn is_auto(wanted: &[String]) -> bool {
 
 fn position() -> Attribute {
     Attribute::new("position", Scalar::I32, 3)
-}
-
-/// The moves that turn one source's raw record into an octree record.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Mover {
-    copies: Vec<(usize, usize, usize)>,
-    bits: Vec<(usize, u8, u8, usize)>,
-}
-
-impl Mover {
-    fn new(places: &[(usize, Place)], offsets: &[Option<usize>]) -> Mover {
-        let mut mover = Mover::default();
-        for (index, place) in places {
-            let Some(to) = offsets[*index] else { continue };
-            match *place {
-                Place::Bytes { at, len } => mover.copies.push((at, to, len)),
-                Place::Bits { at, shift, mask } => mover.bits.push((at, shift, mask, to)),
-            }
-        }
-        // Fields that are neighbours on both sides move as one.
-        mover.copies.sort_unstable();
-        let mut joined: Vec<(usize, usize, usize)> = Vec::new();
-        for (at, to, len) in mover.copies {
-            match joined.last_mut() {
-                Some((a, t, l)) if *a + *l == at && *t + *l == to => *l += len,
-                _ => joined.push((at, to, len)),
-            }
-        }
-        mover.copies = joined;
-        mover
-    }
-
-    /// Fills `out`, a zeroed record of the schema, but for the position.
-    #[inline]
-    pub fn apply(&self, raw: &[u8], out: &mut [u8]) {
-        for &(at, to, len) in &self.copies {
-            copy_short(&raw[at..at + len], &mut out[to..to + len]);
-        }
-        for &(at, shift, mask, to) in &self.bits {
-            out[to] = raw[at] >> shift & mask;
-        }
-    }
-}
-
-/// Copies a few bytes; lengths that occur all the time become single moves
-/// instead of a call to memcpy.
-#[inline(always)]
-fn copy_short(from: &[u8], to: &mut [u8]) {
-    match from.len() {
-        1 => to[0] = from[0],
-        2 => to[..2].copy_from_slice(&from[..2]),
-        4 => to[..4].copy_from_slice(&from[..4]),
-        8 => to[..8].copy_from_slice(&from[..8]),
-        10 => {
-            to[..8].copy_from_slice(&from[..8]);
-            to[8..10].copy_from_slice(&from[8..10]);
-        }
-        12 => {
-            to[..8].copy_from_slice(&from[..8]);
-            to[8..12].copy_from_slice(&from[8..12]);
-        }
-        18 => {
-            to[..16].copy_from_slice(&from[..16]);
-            to[16..18].copy_from_slice(&from[16..18]);
-        }
-        _ => to.copy_from_slice(from),
-    }
 }
 
 /// Copies a whole record. LAS records are 20 to 67 bytes and a bit: two moves
@@ -372,7 +306,6 @@ mod tests {
             ]
         );
         assert_eq!(u.schema.record_size(), 27);
-        assert_eq!(u.mover(0).copies, vec![(12, 12, 2), (16, 17, 10)]);
     }
 
     #[test]
@@ -385,7 +318,7 @@ mod tests {
         assert!(names(&u).contains(&"classification flags"));
         assert!(!names(&u).contains(&"scan direction flag"));
         let mut out = vec![0; u.schema.record_size()];
-        u.mover(0).apply(&ored, &mut out);
+        u.mover(0).apply(&ored, 20, &mut out);
         assert_eq!(out[u.schema.offset_of("edge of flight line").unwrap()], 1);
         assert_eq!(out[u.schema.offset_of("classification flags").unwrap()], 2);
         assert_eq!(out[u.schema.offset_of("classification").unwrap()], 0);
@@ -466,7 +399,7 @@ mod tests {
         assert_eq!(names(&u), ["position", "rgb"]);
         let raw: Vec<u8> = (0..34).collect();
         let mut out = vec![0; 18];
-        u.mover(0).apply(&raw, &mut out);
+        u.mover(0).apply(&raw, 34, &mut out);
         assert_eq!(&out[12..], &raw[28..]);
     }
 }

@@ -59,84 +59,143 @@ impl Statistics {
 
     /// Takes in records of the schema, one behind the other.
     pub fn add(&mut self, schema: &Schema, records: &[u8]) {
+        for block in records.chunks(BLOCK * schema.record_size().max(1)) {
+            self.add_block(schema, block);
+        }
+    }
+
+    fn add_block(&mut self, schema: &Schema, records: &[u8]) {
         let size = schema.record_size();
-        let mut at = 0;
+        let mut elements: Vec<Element> = Vec::new();
         for (attribute, statistics) in schema.attributes.iter().zip(&mut self.attributes) {
-            for element in 0..attribute.elements {
-                let column = Column { records, size, at };
-                column.add(attribute.scalar, element, statistics);
-                at += attribute.scalar.size();
+            let AttributeStatistics { min, max, histogram } = statistics;
+            let mut histogram = histogram.as_mut();
+            for (min, max) in min.iter_mut().zip(max) {
+                elements.push(Element { scalar: attribute.scalar, min, max, histogram: histogram.take() });
+            }
+        }
+        // Neighbours of one kind are gone through together.
+        let mut at = 0;
+        for row in elements.chunk_by_mut(|a, b| a.kind() == b.kind()) {
+            for row in row.chunks_mut(TOGETHER) {
+                let columns = Columns { records, size, at };
+                at += row.iter().map(|element| element.scalar.size()).sum::<usize>();
+                match row {
+                    [_] => columns.add::<1>(row),
+                    [_, _] => columns.add::<2>(row),
+                    [_, _, _] => columns.add::<3>(row),
+                    [_, _, _, _] => columns.add::<4>(row),
+                    [_, _, _, _, _] => columns.add::<5>(row),
+                    _ => columns.add::<TOGETHER>(row),
+                }
             }
         }
     }
 }
 
-/// One element of one attribute in a run of records.
-struct Column<'a> {
+/// Records that are gone through row by row before the next are: few enough to
+/// stay in the core's cache, many enough that clearing tables costs nothing.
+const BLOCK: usize = 4096;
+
+/// Elements at most that are looked at in one pass over the records. Looking at
+/// one alone waits for itself: most counts go to the same place as the one
+/// before.
+const TOGETHER: usize = 6;
+
+/// One element of an attribute, and where its statistics go.
+struct Element<'a> {
+    scalar: Scalar,
+    min: &'a mut f64,
+    max: &'a mut f64,
+    histogram: Option<&'a mut Vec<u64>>,
+}
+
+impl Element<'_> {
+    /// Elements of one kind take the same steps.
+    fn kind(&self) -> (usize, Option<Scalar>) {
+        match self.histogram {
+            Some(_) => (1, None),
+            None => (self.scalar.size(), Some(self.scalar)),
+        }
+    }
+}
+
+/// Some elements, one behind the other, in a run of records.
+struct Columns<'a> {
     records: &'a [u8],
     size: usize,
     at: usize,
 }
 
-impl Column<'_> {
-    fn add(&self, scalar: Scalar, element: usize, to: &mut AttributeStatistics) {
-        if let Some(histogram) = &mut to.histogram {
-            self.count(scalar, histogram, &mut to.min[0], &mut to.max[0]);
-            return;
+impl Columns<'_> {
+    fn add<const K: usize>(&self, row: &mut [Element]) {
+        let Some(first) = row.first() else { return };
+        if first.histogram.is_some() {
+            return self.count::<K>(row);
         }
-        let (low, high) = match scalar {
-            Scalar::I8 => self.range(|b: [u8; 1]| i8::from_le_bytes(b), i8::MAX, i8::MIN, f64::from),
-            Scalar::U8 => self.range(|b: [u8; 1]| b[0], u8::MAX, 0, f64::from),
-            Scalar::I16 => self.range(i16::from_le_bytes, i16::MAX, i16::MIN, f64::from),
-            Scalar::U16 => self.range(u16::from_le_bytes, u16::MAX, 0, f64::from),
-            Scalar::I32 => self.range(i32::from_le_bytes, i32::MAX, i32::MIN, f64::from),
-            Scalar::U32 => self.range(u32::from_le_bytes, u32::MAX, 0, f64::from),
-            Scalar::I64 => self.range(i64::from_le_bytes, i64::MAX, i64::MIN, |v| v as f64),
-            Scalar::U64 => self.range(u64::from_le_bytes, u64::MAX, 0, |v| v as f64),
-            // Comparisons with NaN are false, so NaN never becomes a bound.
-            Scalar::F32 => self.range(f32::from_le_bytes, f32::INFINITY, f32::NEG_INFINITY, f64::from),
-            Scalar::F64 => self.range(f64::from_le_bytes, f64::INFINITY, f64::NEG_INFINITY, |v| v),
+        let (low, high) = match first.scalar {
+            Scalar::I8 => self.range::<_, 1, K>(i8::from_le_bytes, i8::MAX, i8::MIN, f64::from),
+            Scalar::U8 => self.range::<_, 1, K>(u8::from_le_bytes, u8::MAX, 0, f64::from),
+            Scalar::I16 => self.range::<_, 2, K>(i16::from_le_bytes, i16::MAX, i16::MIN, f64::from),
+            Scalar::U16 => self.range::<_, 2, K>(u16::from_le_bytes, u16::MAX, 0, f64::from),
+            Scalar::I32 => self.range::<_, 4, K>(i32::from_le_bytes, i32::MAX, i32::MIN, f64::from),
+            Scalar::U32 => self.range::<_, 4, K>(u32::from_le_bytes, u32::MAX, 0, f64::from),
+            Scalar::I64 => self.range::<_, 8, K>(i64::from_le_bytes, i64::MAX, i64::MIN, |v| v as f64),
+            Scalar::U64 => self.range::<_, 8, K>(u64::from_le_bytes, u64::MAX, 0, |v| v as f64),
+            Scalar::F32 => {
+                self.range::<_, 4, K>(f32::from_le_bytes, f32::INFINITY, f32::NEG_INFINITY, f64::from)
+            }
+            Scalar::F64 => self.range::<_, 8, K>(f64::from_le_bytes, f64::INFINITY, f64::NEG_INFINITY, |v| v),
         };
-        if low <= high {
-            to.min[element] = to.min[element].min(low);
-            to.max[element] = to.max[element].max(high);
+        for ((element, low), high) in row.iter_mut().zip(low).zip(high) {
+            // The other way round there was no value, or only NaN.
+            if low <= high {
+                *element.min = element.min.min(low);
+                *element.max = element.max.max(high);
+            }
         }
     }
 
-    fn range<T: Copy + PartialOrd, const N: usize>(
+    /// Smallest and largest value of K elements of N bytes.
+    fn range<T: Copy + PartialOrd, const N: usize, const K: usize>(
         &self,
         read: impl Fn([u8; N]) -> T,
-        mut low: T,
-        mut high: T,
+        low: T,
+        high: T,
         widen: impl Fn(T) -> f64,
-    ) -> (f64, f64) {
-        if self.records.is_empty() {
-            return (f64::INFINITY, f64::NEG_INFINITY);
-        }
-        let mut bytes = [0; N];
+    ) -> ([f64; K], [f64; K]) {
+        let (mut low, mut high) = ([low; K], [high; K]);
+        let range = self.at..self.at + K * N;
         for record in self.records.chunks_exact(self.size) {
-            bytes.copy_from_slice(&record[self.at..self.at + N]);
-            let value = read(bytes);
-            if value < low {
-                low = value;
-            }
-            if value > high {
-                high = value;
+            let values = record[range.clone()].as_chunks::<N>().0;
+            for ((bytes, low), high) in values.iter().zip(&mut low).zip(&mut high) {
+                let value = read(*bytes);
+                // Comparisons with NaN are false, so NaN never becomes a bound.
+                *low = if value < *low { value } else { *low };
+                *high = if value > *high { value } else { *high };
             }
         }
-        (widen(low), widen(high))
+        (low.map(&widen), high.map(&widen))
     }
 
-    fn count(&self, scalar: Scalar, histogram: &mut [u64], min: &mut f64, max: &mut f64) {
-        let mut counts = [0u32; 256];
+    /// Points per value of K bytes.
+    fn count<const K: usize>(&self, row: &mut [Element]) {
+        let mut counts = [[0u32; 256]; K];
+        let range = self.at..self.at + K;
         for record in self.records.chunks_exact(self.size) {
-            counts[record[self.at] as usize] += 1;
+            for (value, counts) in record[range.clone()].iter().zip(&mut counts) {
+                counts[usize::from(*value)] += 1;
+            }
         }
-        for (value, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
-            histogram[value] += u64::from(*count);
-            let value = if scalar == Scalar::I8 { f64::from(value as u8 as i8) } else { value as f64 };
-            *min = min.min(value);
-            *max = max.max(value);
+        for (element, counts) in row.iter_mut().zip(&counts) {
+            let Some(histogram) = &mut element.histogram else { continue };
+            for (value, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
+                histogram[value] += u64::from(*count);
+                let signed = element.scalar == Scalar::I8;
+                let value = if signed { f64::from(value as u8 as i8) } else { value as f64 };
+                *element.min = element.min.min(value);
+                *element.max = element.max.max(value);
+            }
         }
     }
 }
@@ -152,16 +211,22 @@ mod tests {
             attributes: vec![
                 Attribute::new("position", Scalar::I32, 3),
                 Attribute::new("classification", Scalar::U8, 1),
+                Attribute::new("flags", Scalar::I8, 1),
                 Attribute::new("gps-time", Scalar::F64, 1),
+                Attribute::new("rgb", Scalar::U16, 3),
+                Attribute::new("nir", Scalar::U16, 2),
+                Attribute::new("bytes", Scalar::U8, 2),
             ],
         };
-        let records: Vec<u8> = (0..100i32)
+        let records: Vec<u8> = (0..10_000i32)
             .flat_map(|i| {
                 let time = if i % 3 == 0 { f64::NAN } else { f64::from(i) };
                 let mut r = Vec::new();
                 [i, -i, 7].iter().for_each(|v| r.extend(v.to_le_bytes()));
-                r.push((i % 5) as u8);
+                r.extend([(i % 5) as u8, (i % 7 - 3) as u8]);
                 r.extend(time.to_le_bytes());
+                [i, 5, 6, 7 + i % 3, i % 9 + 1].iter().for_each(|v| r.extend((*v as u16).to_le_bytes()));
+                r.extend([(i % 11) as u8, 200]);
                 r
             })
             .collect();
@@ -174,8 +239,28 @@ mod tests {
             parts.merge(&s);
         }
         assert_eq!(whole, parts);
-        assert_eq!((whole.attributes[0].min[1], whole.attributes[0].max[0]), (-99.0, 99.0));
-        assert_eq!(whole.attributes[1].histogram.as_ref().unwrap()[4], 20);
-        assert_eq!((whole.attributes[2].min[0], whole.attributes[2].max[0]), (1.0, 98.0));
+        let range = |i: usize| {
+            let AttributeStatistics { min, max, .. } = &whole.attributes[i];
+            min.iter().copied().zip(max.iter().copied()).collect::<Vec<_>>()
+        };
+        assert_eq!(range(0), [(0.0, 9999.0), (-9999.0, 0.0), (7.0, 7.0)]);
+        assert_eq!((range(1), range(2)), (vec![(0.0, 4.0)], vec![(-3.0, 3.0)]));
+        assert_eq!(range(3), [(1.0, 9998.0)]);
+        assert_eq!(
+            (range(4)[0], range(4)[2], range(5)),
+            ((0.0, 9999.0), (6.0, 6.0), vec![(7.0, 9.0), (1.0, 9.0)])
+        );
+        assert_eq!(range(6), [(0.0, 10.0), (200.0, 200.0)]);
+        assert_eq!(whole.attributes[1].histogram.as_ref().unwrap()[4], 2000);
+        assert_eq!(whole.attributes[2].histogram.as_ref().unwrap()[254], 1428);
+        assert!(whole.attributes[6].histogram.is_none());
+    }
+
+    #[test]
+    fn only_nan_is_no_value() {
+        let schema = Schema { attributes: vec![Attribute::new("t", Scalar::F32, 1)] };
+        let mut statistics = Statistics::empty(&schema);
+        statistics.add(&schema, &f32::NAN.to_le_bytes());
+        assert_eq!(statistics, Statistics::empty(&schema));
     }
 }

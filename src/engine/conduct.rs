@@ -218,7 +218,8 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
     let files_aside = set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)?;
     drop(runs);
-    let (statistics, points) = times.measure(Stage::Merge, || {
+    let statistics = indexed.statistics.clone();
+    let points = times.measure(Stage::Merge, || {
         merge(&survey, indexed, &octree_file, scratch.as_ref(), options, context)
     })?;
     let set_aside = set_aside::tally(&aside);

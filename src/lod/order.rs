@@ -9,75 +9,87 @@
 //! 2 + log2 m for any m).
 
 use super::sampler::Item;
-use crate::cloud::cube::Frame;
+use crate::cloud::cube::{Frame, SPACING_BITS};
 
-/// Bits an axis that decide the Morton order: 128 cells, the node's spacing.
-const BITS: u32 = 7;
-const DIGIT: u32 = 11;
+/// Bits an axis that decide the Morton order of a leaf: 64 cells, the spacing of
+/// its parent. Two digits of nine bits, each few enough buckets for the core's
+/// own cache.
+const BITS: u32 = SPACING_BITS - 1;
+const DIGIT: u32 = 9;
 const BUCKETS: usize = 1 << DIGIT;
+/// Items for which going through all buckets would be the dearest part.
+const FEW: usize = 128;
 
-/// Reusable memory for ordering nodes.
-#[derive(Default)]
-pub struct Orderer {
-    keys: Vec<(u32, u32)>,
-    other: Vec<(u32, u32)>,
-}
+/// Numbers of six bits with their bits spread to every third.
+const SPREAD: [u32; 1 << BITS] = {
+    let mut table = [0; 1 << BITS];
+    let mut v = 0;
+    while v < table.len() {
+        let mut bit = 0;
+        while bit < BITS {
+            table[v] |= (v as u32 >> bit & 1) << (3 * bit);
+            bit += 1;
+        }
+        v += 1;
+    }
+    table
+};
 
-/// Spreads seven bits to every third.
-fn spread(v: u32) -> u32 {
-    let v = (v | v << 8) & 0x0300_F00F;
-    let v = (v | v << 4) & 0x030C_30C3;
-    (v | v << 2) & 0x0924_9249
-}
-
-/// Morton code of coordinates within a node, at the node's spacing.
+/// Morton code of coordinates within a node.
+#[inline]
 pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
     let down = frame.side_bits.saturating_sub(BITS);
-    let [x, y, z] = frame.local(at).map(|c| c >> down);
-    spread(x) << 2 | spread(y) << 1 | spread(z)
+    let [x, y, z] = frame.local(at).map(|c| SPREAD[(c >> down) as usize & (SPREAD.len() - 1)]);
+    x << 2 | y << 1 | z
 }
 
-impl Orderer {
-    /// The indices of a node's items in the order in which they are stored.
-    pub fn coarse_to_fine<'a>(
-        &'a mut self,
-        frame: Frame,
-        items: &'a [Item],
-    ) -> impl Iterator<Item = u32> + 'a {
-        self.sort(frame, items);
-        let sorted = &self.keys;
-        reversed_ranks(sorted.len()).map(move |rank| sorted[rank].1)
+/// Sorts a node's items by Morton code, stable, in two counting passes; `spare` is room for as many.
+///
+/// Only leaves are sorted: a sample taken in order from sorted children is in
+/// order itself.
+pub fn sort(frame: Frame, items: &mut [Item], spare: &mut [Item]) {
+    if items.len() < FEW {
+        return items.sort_by_key(|item| morton(frame, item.at));
     }
-
-    /// Sorts by Morton code, stable, in two counting passes of eleven bits.
-    fn sort(&mut self, frame: Frame, items: &[Item]) {
-        self.keys.clear();
-        self.keys.extend(items.iter().map(|i| (morton(frame, i.at), i.index)));
-        self.other.resize(self.keys.len(), (0, 0));
-        for pass in 0..2 {
-            let mut starts = [0u32; BUCKETS + 1];
-            let digit = |key: u32| (key >> (pass * DIGIT)) as usize & (BUCKETS - 1);
-            for (key, _) in &self.keys {
-                starts[digit(*key) + 1] += 1;
-            }
-            for bucket in 0..BUCKETS {
-                starts[bucket + 1] += starts[bucket];
-            }
-            for entry in &self.keys {
-                let slot = &mut starts[digit(entry.0)];
-                self.other[*slot as usize] = *entry;
-                *slot += 1;
-            }
-            std::mem::swap(&mut self.keys, &mut self.other);
+    let mut starts = [[0u32; BUCKETS]; 2];
+    for item in &*items {
+        let key = morton(frame, item.at) as usize;
+        starts[0][key & (BUCKETS - 1)] += 1;
+        starts[1][key >> DIGIT] += 1;
+    }
+    for starts in &mut starts {
+        let mut before = 0;
+        for start in starts {
+            before += std::mem::replace(start, before);
         }
     }
+    let [low, high] = &mut starts;
+    for item in &*items {
+        let slot = &mut low[morton(frame, item.at) as usize & (BUCKETS - 1)];
+        spare[*slot as usize] = *item;
+        *slot += 1;
+    }
+    for item in &*spare {
+        let slot = &mut high[morton(frame, item.at) as usize >> DIGIT];
+        items[*slot as usize] = *item;
+        *slot += 1;
+    }
 }
 
-/// 0..n in bit-reversed order.
-fn reversed_ranks(n: usize) -> impl Iterator<Item = usize> {
-    let bits = n.next_power_of_two().trailing_zeros();
-    (0..1usize << bits)
-        .map(move |i| if bits == 0 { 0 } else { i.reverse_bits() >> (usize::BITS - bits) })
+/// 0..n in bit-reversed order: the order in which sorted items are stored.
+pub fn coarse_to_fine(n: usize) -> impl Iterator<Item = usize> {
+    let all = n.next_power_of_two();
+    let mut rank = 0;
+    (0..all)
+        .map(move |i| {
+            let now = rank;
+            // Counting up by one flips the trailing ones and the zero before
+            // them; reversed, these are the leading ones. Behind the last
+            // number nothing is asked for.
+            let flipped = i.trailing_ones() + 1;
+            rank ^= all - (all >> flipped);
+            now
+        })
         .filter(move |rank| *rank < n)
 }
 
@@ -89,11 +101,11 @@ mod tests {
     #[test]
     fn ranks_are_a_permutation() {
         for n in [0, 1, 2, 3, 7, 8, 9, 1000] {
-            let mut ranks: Vec<usize> = reversed_ranks(n).collect();
+            let mut ranks: Vec<usize> = coarse_to_fine(n).collect();
             ranks.sort_unstable();
             assert!(ranks.into_iter().eq(0..n), "{n}");
         }
-        assert!(reversed_ranks(8).eq([0, 4, 2, 6, 1, 5, 3, 7]));
+        assert!(coarse_to_fine(8).eq([0, 4, 2, 6, 1, 5, 3, 7]));
     }
 
     proptest! {
@@ -101,28 +113,28 @@ mod tests {
         /// node, the cell's share of m to within 2 + log2 m points.
         #[test]
         fn prefixes_are_even(
-            points in proptest::collection::vec((0u32..256, 0u32..256, 0u32..256), 1..500),
+            points in proptest::collection::vec((0u32..256, 0u32..256, 0u32..256), 1..2 * FEW),
             levels in 1u32..4,
         ) {
             let frame = Frame { origin: [0; 3], side_bits: 8 };
-            let items: Vec<Item> = points.iter().enumerate()
+            let mut items: Vec<Item> = points.iter().enumerate()
                 .map(|(i, (x, y, z))| Item { at: [*x, *y, *z], index: i as u32 }).collect();
-            let mut orderer = Orderer::default();
-            let order: Vec<u32> = orderer.coarse_to_fine(frame, &items).collect();
-            let mut all = order.clone();
-            all.sort_unstable();
-            prop_assert!(all.into_iter().eq(0..items.len() as u32));
+            let mut plainly = items.clone();
+            plainly.sort_by_key(|i| morton(frame, i.at));
+            let mut spare = items.clone();
+            sort(frame, &mut items, &mut spare);
+            prop_assert_eq!(&items, &plainly, "sorted and stable");
 
-            let cell = |i: u32| morton(frame, items[i as usize].at) >> (3 * (BITS - levels));
+            let cell = |i: usize| morton(frame, items[i].at) >> (3 * (BITS - levels));
             let mut total = std::collections::HashMap::new();
-            items.iter().for_each(|i| *total.entry(cell(i.index)).or_insert(0.0) += 1.0);
+            (0..items.len()).for_each(|i| *total.entry(cell(i)).or_insert(0.0) += 1.0);
             let mut seen = std::collections::HashMap::new();
             let n = items.len() as f64;
             // Ranks live in the next power of two: so does a prefix's share.
             let padded = items.len().next_power_of_two();
-            for (rank, i) in order.iter().enumerate() {
-                *seen.entry(cell(*i)).or_insert(0.0) += 1.0;
-                let m = (rank + 1) as f64;
+            for (before, i) in coarse_to_fine(items.len()).enumerate() {
+                *seen.entry(cell(i)).or_insert(0.0) += 1.0;
+                let m = (before + 1) as f64;
                 let slack = 2.0 + m.log2() + (padded as f64 / n - 1.0);
                 for (c, t) in &total {
                     let expected = t * m / n;

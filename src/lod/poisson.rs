@@ -21,20 +21,28 @@ use crate::cloud::node::NodeKey;
 /// Cells on an axis: the node's own and one layer of its neighbours' on each
 /// side.
 const AXIS: usize = (1 << SPACING_BITS) + 2;
-/// Bytes of one row of occupancy bits, with room to read four from any bit.
-const ROW: usize = AXIS.div_ceil(8) + 4;
 const SHELLS: usize = 2048;
-/// The middle bit of a neighbourhood's 27.
-const OWN_CELL: u32 = 1 << 13;
+/// Cells of a row that a byte of the occupancy has for its own; the two behind
+/// them are the next byte's, but stand in this one too. So the three cells
+/// around any cell are together in one byte.
+const OWN: usize = 6;
+/// Bytes from one such column of cells to the next, and from layer to layer.
+const COLUMN: usize = AXIS + 2;
+const LAYER: usize = AXIS.div_ceil(OWN) * COLUMN;
+/// The bits of a neighbourhood, a byte each for three rows: the layers below and
+/// at the cell, and, in the upper half, the layer above.
+const ROWS: u32 = 0x07_07_07;
+const OWN_CELL: u64 = 1 << 12;
 /// From a cell to the neighbour of each bit, in the table of heads.
-const STEPS: [isize; 27] = {
-    let mut steps = [0; 27];
+const STEPS: [isize; 64] = {
+    let mut steps = [0; 64];
     let axis = AXIS as isize;
-    let mut bit = 0;
-    while bit < 27 {
-        let (dx, dy, dz) = (bit % 3 - 1, bit / 3 % 3 - 1, bit / 9 - 1);
-        steps[bit as usize] = (dz * axis + dy) * axis + dx;
-        bit += 1;
+    let mut cell = 0;
+    while cell < 27 {
+        let (x, y, z) = (cell % 3, cell / 3 % 3, cell / 9);
+        let bit = if z < 2 { 8 * y + 3 * z + x } else { 32 + 8 * y + x };
+        steps[bit as usize] = ((z - 1) * axis + y - 1) * axis + x - 1;
+        cell += 1;
     }
     steps
 };
@@ -59,7 +67,7 @@ struct Candidate {
 pub struct PoissonDisk {
     /// Tree units that a distance between tree coordinates may be too long by.
     slack: u32,
-    /// One bit a cell: does it hold samples?
+    /// Whether a cell holds samples, see [`OWN`].
     occupied: Vec<u8>,
     /// Per cell the newest sample; valid where the bit is set.
     heads: Vec<u32>,
@@ -82,7 +90,7 @@ impl PoissonDisk {
     pub fn with_slack(slack: u32) -> PoissonDisk {
         PoissonDisk {
             slack,
-            occupied: vec![0; AXIS * AXIS * ROW],
+            occupied: vec![0; AXIS * LAYER],
             heads: vec![0; AXIS * AXIS * AXIS],
             samples: Vec::new(),
             visit: Vec::new(),
@@ -120,19 +128,25 @@ impl Spacing {
     }
 }
 
-fn row_of(y: usize, z: usize) -> usize {
-    (z * AXIS + y) * ROW
+/// A cell's place in the table of heads.
+#[inline]
+fn head_of([x, y, z]: [usize; 3]) -> usize {
+    (z * AXIS + y) * AXIS + x
+}
+
+/// Where the occupancy has a cell: its own byte and the bit in it.
+#[inline]
+fn bit_of([x, y, z]: [usize; 3]) -> (usize, usize) {
+    (z * LAYER + x / OWN * COLUMN + y, x % OWN)
 }
 
 impl PoissonDisk {
     /// Whether a point keeps the spacing from all samples so far.
     #[inline]
-    fn is_free(&self, at: Local, spacing: Spacing) -> bool {
-        let [x, y, z] = spacing.cell(at);
-        let mut mask = self.neighbourhood(x, y, z);
-        // Most candidates are refused, and most of those by a sample in their
-        // own cell: look there first.
-        let own = (z * AXIS + y) * AXIS + x;
+    fn is_free(&self, at: Local, cell: [usize; 3], spacing: Spacing) -> bool {
+        let mut mask = self.neighbourhood(cell);
+        // Look first where a sample is nearest.
+        let own = head_of(cell);
         if mask & OWN_CELL != 0 && !self.cell_is_free(own, at, spacing) {
             return false;
         }
@@ -161,37 +175,40 @@ impl PoissonDisk {
         true
     }
 
-    /// The occupancy of the 27 cells around a cell, three bits a row.
+    /// The occupancy of the 27 cells around a cell: one read a layer.
     #[inline]
-    fn neighbourhood(&self, x: usize, y: usize, z: usize) -> u32 {
-        let (byte, bit) = ((x - 1) / 8, (x - 1) % 8);
-        let mut mask = 0;
-        for dz in 0..3 {
-            for dy in 0..3 {
-                let at = row_of(y + dy - 1, z + dz - 1) + byte;
-                let bits = u16::from_le_bytes([self.occupied[at], self.occupied[at + 1]]);
-                mask |= (u32::from(bits) >> bit & 7) << (9 * dz + 3 * dy);
-            }
-        }
-        mask
+    fn neighbourhood(&self, [x, y, z]: [usize; 3]) -> u64 {
+        let (first, bit) = bit_of([x - 1, y - 1, z - 1]);
+        // One check instead of one for each layer.
+        let Some(window) = self.occupied[first..].first_chunk::<{ 2 * LAYER + 4 }>() else { return 0 };
+        let layer = |at: usize| {
+            let rows = [window[at], window[at + 1], window[at + 2], window[at + 3]];
+            u32::from_le_bytes(rows) >> bit & ROWS
+        };
+        u64::from(layer(0) | layer(LAYER) << 3) | u64::from(layer(2 * LAYER)) << 32
     }
 
     #[inline]
-    fn add(&mut self, at: Local, spacing: Spacing) {
-        let [x, y, z] = spacing.cell(at);
-        let head = &mut self.heads[(z * AXIS + y) * AXIS + x];
-        let byte = &mut self.occupied[row_of(y, z) + x / 8];
-        let bit = 1 << (x % 8);
-        let next = if *byte & bit == 0 { END } else { *head };
-        *byte |= bit;
+    fn add(&mut self, at: Local, cell: [usize; 3]) {
+        let (byte, bit) = bit_of(cell);
+        let head = &mut self.heads[head_of(cell)];
+        let next = if self.occupied[byte] >> bit & 1 == 0 { END } else { *head };
         *head = self.samples.len() as u32;
         self.samples.push(Sample { at, next });
+        self.occupied[byte] |= 1 << bit;
+        if bit < 8 - OWN && cell[0] >= OWN {
+            self.occupied[byte - COLUMN] |= 1 << (bit + OWN);
+        }
     }
 
     fn clear(&mut self, spacing: Spacing) {
         for sample in self.samples.drain(..) {
-            let [x, y, z] = spacing.cell(sample.at);
-            self.occupied[row_of(y, z) + x / 8] = 0;
+            let cell = spacing.cell(sample.at);
+            let (byte, _) = bit_of(cell);
+            self.occupied[byte] = 0;
+            if cell[0] >= OWN {
+                self.occupied[byte - COLUMN] = 0;
+            }
         }
     }
 
@@ -201,24 +218,31 @@ impl PoissonDisk {
         let centre = (1u64 << frame.side_bits) as f32 / 2.0;
         // The corner lies √3 half sides away.
         let per_shell = SHELLS as f32 / (centre * 1.733);
-        let mut starts = [0u32; SHELLS + 1];
+        let mut starts = [0u32; SHELLS];
         self.shells.clear();
-        for item in candidates.iter().copied().flatten() {
-            let [x, y, z] = frame.local(item.at).map(|c| c as f32 - centre);
-            let distance = (x * x + y * y + z * z).sqrt();
-            let shell = ((distance * per_shell) as usize).min(SHELLS - 1) as u16;
-            starts[usize::from(shell) + 1] += 1;
-            self.shells.push(shell);
+        for set in candidates {
+            self.shells.extend(set.iter().map(|item| {
+                let [x, y, z] = frame.local(item.at).map(|c| c as f32 - centre);
+                let distance = (x * x + y * y + z * z).sqrt();
+                let shell = ((distance * per_shell) as u32).min(SHELLS as u32 - 1) as u16;
+                starts[usize::from(shell)] += 1;
+                shell
+            }));
         }
-        for shell in 0..SHELLS {
-            starts[shell + 1] += starts[shell];
+        let mut before = 0;
+        for start in &mut starts {
+            before += std::mem::replace(start, before);
         }
         self.visit.resize(self.shells.len(), Candidate::default());
-        for (ordinal, (item, shell)) in candidates.iter().copied().flatten().zip(&self.shells).enumerate() {
-            let slot = &mut starts[usize::from(*shell)];
-            self.visit[*slot as usize] =
-                Candidate { at: frame.local(item.at).map(|c| c as i32), ordinal: ordinal as u32 };
-            *slot += 1;
+        let mut ordinal = 0;
+        for set in candidates {
+            for (item, shell) in set.iter().zip(&self.shells[ordinal as usize..]) {
+                let slot = &mut starts[usize::from(*shell)];
+                self.visit[*slot as usize] =
+                    Candidate { at: frame.local(item.at).map(|c| c as i32), ordinal };
+                *slot += 1;
+                ordinal += 1;
+            }
         }
     }
 
@@ -246,7 +270,7 @@ impl PoissonDisk {
                     Some(local)
                 })
                 .collect();
-            near.into_iter().for_each(|at| self.add(at, spacing));
+            near.into_iter().for_each(|at| self.add(at, spacing.cell(at)));
         }
     }
 
@@ -302,8 +326,9 @@ impl Sampler for PoissonDisk {
         taken.resize(self.visit.len(), false);
         let visit = std::mem::take(&mut self.visit);
         for candidate in &visit {
-            if self.is_free(candidate.at, spacing) {
-                self.add(candidate.at, spacing);
+            let cell = spacing.cell(candidate.at);
+            if self.is_free(candidate.at, cell, spacing) {
+                self.add(candidate.at, cell);
                 taken[candidate.ordinal as usize] = true;
             }
         }

@@ -15,7 +15,8 @@ pub struct Item {
     pub index: u32,
 }
 
-/// Picks samples. Deterministic: the choice depends on the candidates, their
+/// Picks samples. Candidates come in Morton order, each child's together and its
+/// cells at the node's spacing too. Deterministic: the choice depends on the candidates, their
 /// order and the node alone (and, for samplers that honour neighbours, on the
 /// nodes of the same level that were sampled before in this chunk).
 pub trait Sampler {

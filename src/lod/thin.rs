@@ -9,9 +9,7 @@
 //! cell inside the node keeps its share (see [`super::order`]), and what a
 //! sampler promises of pairs holds for every part of its sample.
 
-use super::order::Orderer;
-use super::sampler::Item;
-use crate::cloud::cube::Frame;
+use super::order;
 
 /// Most points that a node takes from its children.
 pub const NODE_LIMIT: usize = 1 << 17;
@@ -21,48 +19,25 @@ pub const NODE_LIMIT: usize = 1 << 17;
 /// surface comes near: its samples are some 128² points.
 const HALVED_BEYOND: usize = 1 << 15;
 
-/// Reusable memory for thinning.
-pub struct Thinner {
-    limit: usize,
-    orderer: Orderer,
-    accepted: Vec<Item>,
-}
-
-impl Default for Thinner {
-    fn default() -> Thinner {
-        Thinner::to(NODE_LIMIT)
+/// Takes back flags (one a candidate, in Morton order) until at most `limit` are
+/// left.
+pub fn thin(limit: usize, taken: &mut [bool]) {
+    let limit = limit.min(HALVED_BEYOND.max(taken.len() / 2));
+    if taken.len() <= limit || taken.iter().filter(|t| **t).count() <= limit {
+        return;
     }
-}
-
-impl Thinner {
-    /// One that leaves at most `limit` points.
-    pub fn to(limit: usize) -> Thinner {
-        Thinner { limit, orderer: Orderer::default(), accepted: Vec::new() }
-    }
-
-    /// Takes back flags (one a candidate, in the order given) until at most
-    /// `limit` are left.
-    pub fn thin(&mut self, frame: Frame, candidates: &[&[Item]], taken: &mut [bool]) {
-        let limit = self.limit.min(HALVED_BEYOND.max(taken.len() / 2));
-        if taken.len() <= limit || taken.iter().filter(|t| **t).count() <= limit {
-            return;
-        }
-        let all = candidates.iter().flat_map(|c| c.iter()).zip(0..);
-        self.accepted.clear();
-        self.accepted.extend(
-            all.filter(|(_, flag)| taken[*flag as usize])
-                .map(|(item, flag)| Item { at: item.at, index: flag }),
-        );
-        taken.fill(false);
-        for flag in self.orderer.coarse_to_fine(frame, &self.accepted).take(limit) {
-            taken[flag as usize] = true;
-        }
+    let accepted: Vec<usize> = (0..taken.len()).filter(|i| taken[*i]).collect();
+    taken.fill(false);
+    for rank in order::coarse_to_fine(accepted.len()).take(limit) {
+        taken[accepted[rank]] = true;
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::sampler::Item;
     use super::*;
+    use crate::cloud::cube::Frame;
     use crate::cloud::node::NodeKey;
     use proptest::prelude::*;
 
@@ -74,14 +49,14 @@ mod tests {
     proptest! {
         #[test]
         fn the_limit_holds_the_rest_is_untouched_and_every_octant_keeps_its_share(
-            limit in 1usize..3000, split in 0usize..4096, gone in any::<u64>(),
+            limit in 1usize..3000, gone in any::<u64>(),
         ) {
-            let items = grid(16);
-            let frame = Frame::of(4, NodeKey::ROOT);
-            let candidates = [&items[..split], &items[split..]];
+            let mut items = grid(16);
+            let mut spare = items.clone();
+            order::sort(Frame::of(4, NodeKey::ROOT), &mut items, &mut spare);
             let mut taken: Vec<bool> = (0..4096u64).map(|i| (gone.rotate_left(i as u32) ^ i) % 5 != 0).collect();
             let before = taken.clone();
-            Thinner::to(limit).thin(frame, &candidates, &mut taken);
+            thin(limit, &mut taken);
             let count = taken.iter().filter(|t| **t).count();
             let all = before.iter().filter(|t| **t).count();
             prop_assert_eq!(count, all.min(limit));

@@ -1,7 +1,8 @@
 //! One chunk's octree, built in memory ("Fast Out-of-Core Octree Generation",
 //! 4.2): a hierarchical counting sort brings the points into leaves of at most
-//! `leaf_limit` points, several levels at once; then coarser nodes are sampled
-//! from their children, bottom up.
+//! `leaf_limit` points, several levels at once; each leaf is brought into Morton
+//! order, and so is all that follows; then coarser nodes are sampled from their
+//! children, bottom up.
 //!
 //! A node is divided exactly where it holds more points than a leaf may, so the
 //! tree's shape does not depend on how the cloud was cut into chunks. Recursion
@@ -9,8 +10,9 @@
 //! whatever it holds. A crowd there may be thinned to a leaf's worth; then it is
 //! joined with the leaves around it, so that no chain of levels leads down to it.
 
+use super::order;
 use super::sampler::{Item, Sampler};
-use super::thin::Thinner;
+use super::thin::{NODE_LIMIT, thin};
 use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 
@@ -24,7 +26,7 @@ pub const LEAF_LIMIT: usize = 10_000;
 pub trait Emit {
     type Error;
     /// A node that holds points or has children. `items` are the node's own, in
-    /// no particular order.
+    /// Morton order.
     fn node(&mut self, node: NodeKey, frame: Frame, items: &[Item]) -> Result<(), Self::Error>;
 }
 
@@ -40,7 +42,6 @@ pub struct Builder<'s, E: Emit> {
     /// Indices of what was kept out for it: the last of each crowd.
     pub aside: Vec<u32>,
     taken: Vec<bool>,
-    thinner: Thinner,
 }
 
 /// A node's points: where the sort left them, or those it sampled.
@@ -92,16 +93,7 @@ pub fn is_hollow(leaf_limit: usize, children: impl Iterator<Item = (usize, bool,
 
 impl<'s, E: Emit> Builder<'s, E> {
     pub fn new(bits: u32, leaf_limit: usize, sampler: &'s mut dyn Sampler, emit: E) -> Self {
-        Builder {
-            bits,
-            leaf_limit,
-            sampler,
-            emit,
-            thin_crowds: false,
-            aside: Vec::new(),
-            taken: Vec::new(),
-            thinner: Thinner::default(),
-        }
+        Builder { bits, leaf_limit, sampler, emit, thin_crowds: false, aside: Vec::new(), taken: Vec::new() }
     }
 
     /// Builds the tree below `node` from all of its points (`spare` is room for
@@ -127,7 +119,7 @@ impl<'s, E: Emit> Builder<'s, E> {
         spare: &'a mut [Item],
     ) -> Result<Grown<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
-            return Ok(self.leaf(node, items));
+            return Ok(self.leaf(node, items, spare));
         }
         let levels = self.split_levels(node, items.len());
         let shift = self.bits - u32::from(node.level) - levels;
@@ -136,11 +128,12 @@ impl<'s, E: Emit> Builder<'s, E> {
     }
 
     /// A leaf; where that is a single position, a crowd there may be too much.
-    fn leaf<'a>(&mut self, node: NodeKey, items: &'a mut [Item]) -> Grown<'a> {
+    fn leaf<'a>(&mut self, node: NodeKey, items: &'a mut [Item], spare: &mut [Item]) -> Grown<'a> {
         let kept = if self.thin_crowds { items.len().min(self.leaf_limit) } else { items.len() };
         // The sort is stable: what came first stays.
         let (items, aside) = items.split_at_mut(kept);
         self.aside.extend(aside.iter().map(|item| item.index));
+        order::sort(Frame::of(self.bits, node), items, &mut spare[..kept]);
         Grown { node, set: Set::Sorted(items), has_children: false, crowded: !aside.is_empty() }
     }
 
@@ -162,7 +155,7 @@ impl<'s, E: Emit> Builder<'s, E> {
         spare: &'a mut [Item],
     ) -> Result<Grown<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
-            return Ok(self.leaf(node, items));
+            return Ok(self.leaf(node, items, spare));
         }
         if levels == 0 {
             return self.grow(node, items, spare);
@@ -194,12 +187,15 @@ impl<'s, E: Emit> Builder<'s, E> {
         let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
         let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
-        self.thinner.thin(frame, &candidates, &mut self.taken);
-        let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count());
-        let mut flags = self.taken.iter();
+        thin(NODE_LIMIT, &mut self.taken);
+        let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count() + 1);
+        let mut rest = self.taken.as_slice();
         let mut kept = Vec::with_capacity(children.len());
         for child in &mut children {
-            kept.push(move_taken(child.set.items(), &mut flags, &mut accepted));
+            let items = child.set.items();
+            let (taken, behind) = rest.split_at(items.len());
+            kept.push(move_taken(items, taken, &mut accepted));
+            rest = behind;
         }
         let mut has_children = false;
         for (mut child, kept) in children.into_iter().zip(kept) {
@@ -213,23 +209,23 @@ impl<'s, E: Emit> Builder<'s, E> {
     }
 }
 
-/// Moves the taken items to `accepted` and closes the gaps they leave; returns
-/// how many stay. Order is kept on both sides.
-pub fn move_taken<'f>(
-    items: &mut [Item],
-    flags: &mut impl Iterator<Item = &'f bool>,
-    accepted: &mut Vec<Item>,
-) -> usize {
-    let mut kept = 0;
+/// Moves the taken items to the end of `accepted` and closes the gaps they leave;
+/// returns how many stay. Order is kept on both sides.
+///
+/// About every other item is taken, by no pattern, so there is no branch to be
+/// guessed wrong: each is written to both places and then counted in one.
+pub fn move_taken(items: &mut [Item], taken: &[bool], accepted: &mut Vec<Item>) -> usize {
+    let (mut kept, mut end) = (0, accepted.len());
+    // One more than fits: where an item that stays is written for nothing.
+    accepted.resize(end + taken.iter().filter(|t| **t).count() + 1, Item::default());
     for i in 0..items.len() {
         let item = items[i];
-        if flags.next() == Some(&true) {
-            accepted.push(item);
-        } else {
-            items[kept] = item;
-            kept += 1;
-        }
+        items[kept] = item;
+        accepted[end] = item;
+        kept += usize::from(!taken[i]);
+        end += usize::from(taken[i]);
     }
+    accepted.truncate(end);
     kept
 }
 
@@ -327,7 +323,7 @@ mod tests {
             let points: Vec<[u32; 3]> = points.into_iter().map(|(x, y, z)| [x, y, z]).collect();
             let bits = 9;
             let nodes = if random {
-                tree(&points, bits, leaf, &mut RandomInGrid::default())
+                tree(&points, bits, leaf, &mut RandomInGrid)
             } else {
                 tree(&points, bits, leaf, &mut PoissonDisk::default())
             };

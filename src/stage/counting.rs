@@ -212,6 +212,7 @@ impl Counter<'_> {
             let length = self.files[unit.input].header().record_length;
             let requantise = &hinted.base.requantise[unit.input];
             let mut looker = Looker::new(self.files[unit.input].header().point_format, length);
+            let mut tally = hinted.census.tally();
             let mut inside = Vec::new();
             for block in records.chunks(BLOCK * length) {
                 looker.look_at_returns(block);
@@ -221,7 +222,7 @@ impl Counter<'_> {
                     .chunks_exact(length)
                     .map(|r| hinted.base.cube.tree(requantise.stored(record::raw_position(r))));
                 // Points outside the hinted box show in the bounds.
-                hinted.census.count(trees);
+                tally.count(trees);
             }
             looker.add_to(&mut found[unit.input].lock().unwrap_or_else(|e| e.into_inner()));
             Ok(())
@@ -235,13 +236,14 @@ impl Counter<'_> {
             let requantise = &counting.base.requantise[unit.input];
             let length = las.header().record_length;
             let mut inside = Vec::new();
+            let mut tally = counting.census.tally();
             for block in records.chunks(BLOCK * length) {
                 let trees = self
                     .region
                     .of(unit.input, block, length, &mut inside)
                     .chunks_exact(length)
                     .map(|r| counting.base.cube.tree(requantise.stored(record::raw_position(r))));
-                if counting.census.count(trees) > 0 {
+                if tally.count(trees) > 0 {
                     return Err(StageError::changed(las));
                 }
             }

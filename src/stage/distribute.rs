@@ -139,7 +139,8 @@ fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> R
 struct Bucketer {
     slice: Vec<u8>,
     run: Vec<u8>,
-    chunks: Vec<u32>,
+    /// Chunks of the slice's points: how many of one come one behind the other.
+    rows: Vec<(u32, u32)>,
 }
 
 impl Bucketer {
@@ -197,20 +198,23 @@ impl Bucketer {
             self.run.extend_from_slice(records);
             return Ok(counts);
         }
-        self.chunks.clear();
+        self.rows.clear();
         for r in records.chunks_exact(length) {
             let raw = record::raw_position(r);
-            if !survey.region.is_everywhere() && !survey.region.holds(input, raw) {
-                counts[outside as usize] += 1;
-                self.chunks.push(outside);
-                continue;
-            }
-            let tree = survey.cube.tree(source.requantise.stored(raw));
-            let Some(chunk) = survey.plan.chunk_of(tree) else {
-                return Err(StageError::changed(&source.las));
+            let chunk = if survey.region.holds(input, raw) {
+                let tree = survey.cube.tree(source.requantise.stored(raw));
+                let chunk = survey.plan.chunk_of(tree);
+                chunk.ok_or_else(|| StageError::changed(&source.las))?
+            } else {
+                outside
             };
-            counts[chunk as usize] += 1;
-            self.chunks.push(chunk);
+            match self.rows.last_mut() {
+                Some((last, points)) if *last == chunk => *points += 1,
+                _ => self.rows.push((chunk, 1)),
+            }
+        }
+        for (chunk, points) in &self.rows {
+            counts[*chunk as usize] += points;
         }
         let mut next = Vec::with_capacity(counts.len());
         let mut at = 0;
@@ -219,10 +223,20 @@ impl Bucketer {
             at += *count as usize * length;
         }
         self.run.resize(records.len(), 0);
-        for (r, chunk) in records.chunks_exact(length).zip(&self.chunks) {
+        let mut rest = records;
+        for (chunk, points) in &self.rows {
+            let (row, behind) = rest.split_at(*points as usize * length);
             let to = &mut next[*chunk as usize];
-            record::copy_record(r, &mut self.run[*to..*to + length]);
-            *to += length;
+            let into = &mut self.run[*to..*to + row.len()];
+            // Most rows are long; in a cloud without any order they are single
+            // records, for which a call costs more than the copying.
+            if *points == 1 {
+                record::copy_record(row, into)
+            } else {
+                into.copy_from_slice(row)
+            }
+            *to += row.len();
+            rest = behind;
         }
         Ok(counts)
     }

@@ -7,8 +7,8 @@ use std::sync::Mutex;
 use super::context::{Context, Stage};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
-use super::nodes::{NodeWriter, RawPoints, Records};
-use super::options::{Mode, Options, Sampling};
+use super::nodes::{NodeWriter, RawPoints};
+use super::options::{Encoding, Mode, Options, Sampling};
 use super::output::{Block, OctreeFile};
 use super::receipt::{Built, Risen};
 use super::scratch::Scratch;
@@ -16,6 +16,7 @@ use super::set_aside::{self, Range, Reason};
 use super::survey::{Survey, chunk_memory};
 use super::twins;
 use super::workers;
+use crate::cloud::attribute::Schema;
 use crate::cloud::node::NodeKey;
 use crate::cloud::plan::Chunk;
 use crate::cloud::statistics::Statistics;
@@ -57,9 +58,10 @@ impl From<Risen> for Rising {
     }
 }
 
-/// The chunks' roots, in the order of the plan, and what was counted so far.
+/// The chunks' roots, in the order of the plan, and what was counted.
 pub struct Indexed {
     pub rising: Vec<Rising>,
+    /// Of all points, also of those that rise.
     pub statistics: Statistics,
     /// Points in the nodes that were written.
     pub points: u64,
@@ -70,6 +72,7 @@ pub struct Indexed {
 /// A chunk, or a step of the merge, when it is done.
 pub struct Done {
     pub root: Rising,
+    /// Of a chunk's points, wherever they end up; the merge adds nothing to them.
     pub statistics: Statistics,
     /// Points in the nodes that were written.
     pub points: u64,
@@ -79,7 +82,7 @@ pub struct Done {
 pub fn sampler(survey: &Survey, sampling: Sampling) -> Box<dyn Sampler> {
     match sampling {
         Sampling::Poisson => Box::new(PoissonDisk::with_slack(survey.cube.slack())),
-        Sampling::Random => Box::new(RandomInGrid::default()),
+        Sampling::Random => Box::new(RandomInGrid),
     }
 }
 
@@ -149,12 +152,14 @@ struct Indexer<'o> {
     items: Vec<Item>,
     spare: Vec<Item>,
     raw: Vec<u8>,
+    records: Vec<u8>,
 }
 
 impl<'o> Indexer<'o> {
     fn new(survey: &Survey, options: &'o Options) -> Indexer<'o> {
         let sampler = sampler(survey, options.sampling);
-        Indexer { options, sampler, items: Vec::new(), spare: Vec::new(), raw: Vec::new() }
+        let (items, spare) = (Vec::new(), Vec::new());
+        Indexer { options, sampler, items, spare, raw: Vec::new(), records: Vec::new() }
     }
 
     fn chunk(
@@ -179,32 +184,41 @@ impl<'o> Indexer<'o> {
             load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
         }
         let points = raw_points(survey, runs, parts, &self.raw);
-        points.items(&mut self.items)?;
+        points.unpack(&mut self.items, &mut self.records)?;
+        let mut kept_out = Vec::new();
         if self.options.twins != Mode::Keep {
             let twins = twins::find(points.records());
             let mut next = twins.iter().peekable();
             self.items.retain(|item| next.next_if_eq(&&item.index).is_none());
             aside.extend(set_aside::ranges(parts, &twins, Reason::Twin));
+            kept_out = twins;
         }
         self.spare.resize(self.items.len(), Item::default());
         if context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        let writer = NodeWriter::new(survey, self.options.encoding, points);
+        let mut writer = NodeWriter::new(survey, self.options.encoding);
+        writer.records = std::mem::take(&mut self.records);
+        writer.block = octree.block();
+        if self.options.encoding == Encoding::Default {
+            writer.block.bytes.reserve(writer.records.len());
+        }
         let mut builder = Builder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
         builder.thin_crowds = self.options.duplicates != Mode::Keep;
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
         builder.aside.sort_unstable();
         aside.extend(set_aside::ranges(parts, &builder.aside, Reason::Duplicate));
-        let kept_out: u64 = set_aside::tally(&aside).values().sum();
-        let writer = builder.emit;
-        let mut records = Vec::new();
-        let rising = root.items.iter().map(|i| i.index);
-        writer.records.gather(rising, root.items.len(), &mut records);
-        if writer.points + root.items.len() as u64 + kept_out != chunk.points {
+        let set_aside: u64 = set_aside::tally(&aside).values().sum();
+        kept_out.append(&mut builder.aside);
+        let schema = &survey.unified.schema;
+        let mut records = vec![0; root.items.len() * schema.record_size()];
+        builder.emit.gather(&root.items, 0..root.items.len(), &mut records);
+        if builder.emit.points + root.items.len() as u64 + set_aside != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
-        let NodeWriter { block, statistics, points, .. } = writer;
+        let NodeWriter { records: all, block, points, .. } = builder.emit;
+        let statistics = statistics(schema, &all, kept_out);
+        self.records = all;
         let root = Rising {
             node: chunk.node,
             has_children: root.has_children,
@@ -215,6 +229,21 @@ impl<'o> Indexer<'o> {
         let done = Done { root, statistics, points, aside };
         hand_in(octree, number, block, done, runs.scratch.as_deref())
     }
+}
+
+/// Statistics of all records but some.
+fn statistics(schema: &Schema, records: &[u8], mut without: Vec<u32>) -> Statistics {
+    let size = schema.record_size();
+    let mut statistics = Statistics::empty(schema);
+    without.sort_unstable();
+    let mut from = 0;
+    for index in without {
+        let at = index as usize * size;
+        statistics.add(schema, &records[from..at]);
+        from = at + size;
+    }
+    statistics.add(schema, &records[from..]);
+    statistics
 }
 
 /// Hands in a finished block and its topmost node: out of core with a receipt,

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::index::{self, Done, Indexed, Rising, RisingRecords};
-use super::nodes::{NodeWriter, PlainRecords};
+use super::nodes::NodeWriter;
 use super::options::Options;
 use super::output::OctreeFile;
 use super::scratch::Scratch;
@@ -21,7 +21,7 @@ use crate::cloud::node::NodeKey;
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
-use crate::lod::thin::Thinner;
+use crate::lod::thin::{NODE_LIMIT, thin};
 use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 
 /// Level whose nodes' subtrees are merged side by side: up to 64, of which a
@@ -29,7 +29,7 @@ use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 const CUT: u8 = 2;
 
 /// Samples and writes everything above the chunks, and the chunks' roots.
-/// Returns the statistics and number of all points.
+/// Returns the number of all points.
 pub fn merge(
     survey: &Survey,
     indexed: Indexed,
@@ -37,13 +37,13 @@ pub fn merge(
     scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
-) -> Result<(Statistics, u64)> {
+) -> Result<u64> {
     let scratch = scratch.map(|scratch| &**scratch);
     let rising_points: u64 = indexed.rising.iter().map(|r| r.points(survey)).sum();
     context.progress.begin(Stage::Merge, rising_points);
     let above = ancestors(&indexed.rising);
     let mut next_block = indexed.rising.len();
-    let (mut statistics, mut points) = (indexed.statistics, indexed.points);
+    let mut points = indexed.points;
 
     let (subtrees, mut top) = cut(indexed.rising);
     let merged: Vec<Mutex<Option<Done>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
@@ -74,8 +74,7 @@ pub fn merge(
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let Done { root, statistics: counted, points: more, .. } = subtree;
-        statistics.merge(&counted);
+        let Done { root, points: more, .. } = subtree;
         points += more;
         top.insert(root.node, root);
     }
@@ -84,10 +83,9 @@ pub fn merge(
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
-    let NodeWriter { block, statistics: counted, points: more, .. } = merger.writer;
+    let NodeWriter { block, points: more, .. } = merger.writer;
     octree.submit(next_block, block, None)?;
-    statistics.merge(&counted);
-    Ok((statistics, points + more))
+    Ok(points + more)
 }
 
 /// Nodes that have chunks below them.
@@ -134,9 +132,8 @@ struct Merger<'a> {
     sampler: Box<dyn Sampler>,
     roots: Roots,
     scratch: Option<&'a Scratch>,
-    writer: NodeWriter<'a, PlainRecords>,
+    writer: NodeWriter<'a>,
     taken: Vec<bool>,
-    thinner: Thinner,
 }
 
 /// A node above or at a chunk's root that its parent has not sampled yet.
@@ -157,8 +154,6 @@ impl<'a> Merger<'a> {
         roots: Roots,
         scratch: Option<&'a Scratch>,
     ) -> Merger<'a> {
-        let size = survey.unified.schema.record_size();
-        let records = PlainRecords { bytes: Vec::new(), size };
         Merger {
             survey,
             context,
@@ -166,9 +161,8 @@ impl<'a> Merger<'a> {
             sampler: index::sampler(survey, options.sampling),
             roots,
             scratch,
-            writer: NodeWriter::new(survey, options.encoding, records),
+            writer: NodeWriter::new(survey, options.encoding),
             taken: Vec::new(),
-            thinner: Thinner::default(),
         }
     }
 
@@ -177,7 +171,8 @@ impl<'a> Merger<'a> {
         let root = self.grow(node)?;
         let Grown { node, has_children, crowded, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
-        let NodeWriter { block, statistics, points, .. } = self.writer;
+        let NodeWriter { block, points, .. } = self.writer;
+        let statistics = Statistics::empty(&self.survey.unified.schema);
         let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
         let done = Done { root, statistics, points, aside: Vec::new() };
         index::hand_in(octree, number, block, done, self.scratch)
@@ -224,14 +219,16 @@ impl<'a> Merger<'a> {
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
         let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
-        self.thinner.thin(frame, &candidates, &mut self.taken);
+        thin(NODE_LIMIT, &mut self.taken);
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
         let mut items = Vec::new();
-        let mut flags = self.taken.iter();
+        let mut rest = self.taken.as_slice();
         for child in &mut children {
             let first = items.len();
-            let kept = move_taken(&mut child.items, &mut flags, &mut items);
+            let (taken, behind) = rest.split_at(child.items.len());
+            let kept = move_taken(&mut child.items, taken, &mut items);
+            rest = behind;
             child.items.truncate(kept);
             for (item, index) in items[first..].iter_mut().zip(first as u32..) {
                 records.extend_from_slice(&child.records[item.index as usize * size..][..size]);
@@ -248,7 +245,7 @@ impl<'a> Merger<'a> {
     fn write(&mut self, nodes: Vec<Grown>) -> Result<()> {
         for grown in nodes {
             let Grown { node, records, items, .. } = grown;
-            self.writer.records.bytes = records;
+            self.writer.records = records;
             self.writer.node(node, Frame::of(self.survey.cube.bits, node), &items)?;
             self.context.progress.advance(items.len() as u64);
         }

@@ -1,5 +1,5 @@
-//! Finished nodes become bytes: ordered coarse to fine, moved from raw records
-//! to the octree's, counted into the statistics, encoded.
+//! Raw records become the octree's, once, in the order in which they lie; finished
+//! nodes become bytes: records picked coarse to fine, and encoded.
 
 use super::error::StageError;
 use super::options::Encoding;
@@ -9,125 +9,139 @@ use crate::cloud::attribute::Schema;
 use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 use crate::cloud::record;
-use crate::cloud::statistics::Statistics;
 use crate::format::potree;
-use crate::lod::order::Orderer;
+use crate::lod::order;
 use crate::lod::sampler::Item;
 use crate::lod::tree::Emit;
 
-/// Brotli's effort. The reference uses 6; 4 takes about half as long on nodes of
-/// some thousand points. The curve of size against time is still to be drawn.
-const BROTLI_QUALITY: u32 = 4;
-
-/// Gives octree records (schema layout) for items.
-pub trait Records {
-    /// Appends the records of `count` item indices to `out`.
-    fn gather(&self, indices: impl Iterator<Item = u32>, count: usize, out: &mut Vec<u8>);
-}
+/// Brotli's effort, by its curve on nodes of terrain (processor time as a
+/// multiple of quality 4's, bytes a point): 1 0.6, 12.2 · **2** 0.5, 10.28 ·
+/// 3 0.6, 10.23 · 4 1, 10.00 · 5 8, 9.77 · 9 12, 9.74. Other windows and blocks
+/// change neither by more than the noise.
+const BROTLI_QUALITY: u32 = 2;
 
 /// Turns nodes into a block of octree.bin.
-pub struct NodeWriter<'a, R: Records> {
-    pub records: R,
+pub struct NodeWriter<'a> {
+    /// What items are numbers of: records in the octree's layout.
+    pub records: Vec<u8>,
     schema: &'a Schema,
     encoding: Encoding,
-    orderer: Orderer,
+    /// Buffers.
+    order: Vec<u32>,
     plain: Vec<u8>,
     pub block: Block,
-    pub statistics: Statistics,
     pub points: u64,
 }
 
-impl<'a, R: Records> NodeWriter<'a, R> {
-    pub fn new(survey: &'a Survey, encoding: Encoding, records: R) -> NodeWriter<'a, R> {
-        let schema = &survey.unified.schema;
+impl<'a> NodeWriter<'a> {
+    pub fn new(survey: &'a Survey, encoding: Encoding) -> NodeWriter<'a> {
         NodeWriter {
-            records,
-            schema,
+            records: Vec::new(),
+            schema: &survey.unified.schema,
             encoding,
-            orderer: Orderer::default(),
+            order: Vec::new(),
             plain: Vec::new(),
             block: Block::default(),
-            statistics: Statistics::empty(schema),
             points: 0,
         }
     }
 
-    fn encode(&mut self, node: NodeKey, points: usize) -> Result<(), StageError> {
+    /// The records of items, in an order of their ranks, into `out`.
+    pub fn gather(&mut self, items: &[Item], order: impl Iterator<Item = usize>, out: &mut [u8]) {
+        let size = self.schema.record_size();
+        // Numbers first: then the copies wait for nothing but themselves, and
+        // many of them are on their way at once.
+        self.order.clear();
+        self.order.extend(order.map(|rank| items[rank].index));
+        for (to, index) in out.chunks_exact_mut(size).zip(&self.order) {
+            let from = *index as usize * size;
+            record::copy_record(&self.records[from..from + size], to);
+        }
+    }
+
+    /// Puts a node's records behind those before, as they are.
+    fn put_plain(&mut self, items: &[Item]) {
+        let mut block = std::mem::take(&mut self.block.bytes);
+        let room = block.room(items.len() * self.schema.record_size());
+        self.gather(items, order::coarse_to_fine(items.len()), room);
+        self.block.bytes = block;
+    }
+
+    fn put_brotli(&mut self, items: &[Item]) -> Result<(), StageError> {
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.resize(items.len() * self.schema.record_size(), 0);
+        self.gather(items, order::coarse_to_fine(items.len()), &mut plain);
+        self.plain = plain;
+        let mut stream = Vec::new();
+        potree::encode_brotli(self.schema, &self.plain, BROTLI_QUALITY, &mut stream)
+            .map_err(|e| StageError::Inconsistent(e.to_string()))?;
+        self.block.bytes.room(stream.len()).copy_from_slice(&stream);
+        Ok(())
+    }
+}
+
+impl Emit for NodeWriter<'_> {
+    type Error = StageError;
+
+    fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), StageError> {
         let offset = self.block.bytes.len() as u64;
-        self.statistics.add(self.schema, &self.plain);
         match self.encoding {
-            Encoding::Default => self.block.bytes.extend_from_slice(&self.plain),
-            Encoding::Brotli => {
-                potree::encode_brotli(self.schema, &self.plain, BROTLI_QUALITY, &mut self.block.bytes)
-                    .map_err(|e| StageError::Inconsistent(e.to_string()))?;
-            }
+            Encoding::Default => self.put_plain(items),
+            Encoding::Brotli => self.put_brotli(items)?,
         }
         let size = self.block.bytes.len() as u64 - offset;
-        let points = u32::try_from(points)
-            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {points} points")))?;
+        let points = u32::try_from(items.len())
+            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {} points", items.len())))?;
         self.block.nodes.push(NodeEntry { node, points, offset, size });
         self.points += u64::from(points);
         Ok(())
     }
 }
 
-impl<R: Records> Emit for NodeWriter<'_, R> {
-    type Error = StageError;
-
-    fn node(&mut self, node: NodeKey, frame: Frame, items: &[Item]) -> Result<(), StageError> {
-        self.plain.clear();
-        let order = self.orderer.coarse_to_fine(frame, items);
-        self.records.gather(order, items.len(), &mut self.plain);
-        self.encode(node, items.len())
-    }
-}
-
-/// A chunk's raw records, in parts of several runs.
+/// A chunk's raw records, in parts of several runs, in the order of the input.
 pub struct RawPoints<'a> {
     survey: &'a Survey,
-    parts: Vec<RawPart<'a>>,
-    /// For every 2^shift-th index, the part that holds it.
-    pages: Vec<u32>,
-    shift: u32,
+    /// The input, and its records.
+    parts: Vec<(usize, &'a [u8])>,
 }
 
-struct RawPart<'a> {
-    first: u32,
-    input: usize,
-    bytes: &'a [u8],
-}
+/// Records that are moved together: few enough to stay in the core's cache.
+const BLOCK: usize = 512;
 
 impl<'a> RawPoints<'a> {
-    /// Parts in input order: (input, raw records).
     pub fn new(survey: &'a Survey, parts: impl Iterator<Item = (usize, &'a [u8])>) -> RawPoints<'a> {
-        let mut listed: Vec<RawPart> = Vec::new();
-        let mut points = 0u32;
-        for (input, bytes) in parts.filter(|(_, b)| !b.is_empty()) {
-            listed.push(RawPart { first: points, input, bytes });
-            points += (bytes.len() / survey.inputs[input].source.record_length) as u32;
-        }
-        // About as many pages as parts and then some: a look-up takes a step
-        // or two from its page.
-        let shift = (u32::BITS - points.leading_zeros()).saturating_sub(12);
-        let pages = (0..=points >> shift)
-            .map(|page| listed.partition_point(|p| p.first <= page << shift).saturating_sub(1) as u32)
-            .collect();
-        RawPoints { survey, parts: listed, pages, shift }
+        RawPoints { survey, parts: parts.filter(|(_, bytes)| !bytes.is_empty()).collect() }
     }
 
-    /// All points as items of the tree, or the first that lies outside it.
-    pub fn items(&self, items: &mut Vec<Item>) -> Result<(), StageError> {
+    /// All points: as items of the tree, and as records in the octree's layout.
+    /// Fails if one of them lies outside the cube.
+    pub fn unpack(&self, items: &mut Vec<Item>, records: &mut Vec<u8>) -> Result<(), StageError> {
+        let Survey { inputs, cube, unified, .. } = self.survey;
+        let size = unified.schema.record_size();
+        let points = |(input, bytes): &(usize, &[u8])| bytes.len() / inputs[*input].source.record_length;
+        let all = self.parts.iter().map(points).sum::<usize>();
         items.clear();
-        for part in &self.parts {
-            let input = &self.survey.inputs[part.input];
+        items.reserve(all);
+        records.resize(all * size, 0);
+        let mut rest = records.as_mut_slice();
+        for (number, bytes) in &self.parts {
+            let input = &inputs[*number];
+            let length = input.source.record_length;
             let mut outside = false;
-            items.extend(part.bytes.chunks_exact(input.source.record_length).zip(part.first..).map(
-                |(raw, index)| {
-                    let at = self.survey.cube.tree(input.requantise.stored(record::raw_position(raw)));
-                    outside |= !self.survey.cube.holds(at);
+            for block in bytes.chunks(BLOCK * length) {
+                let (into, behind) = rest.split_at_mut(block.len() / length * size);
+                rest = behind;
+                let first = items.len() as u32;
+                let points = block.chunks_exact(length).zip(into.chunks_exact_mut(size)).zip(first..);
+                items.extend(points.map(|((raw, record), index)| {
+                    let stored = input.requantise.stored(record::raw_position(raw));
+                    record::put_position(record, stored);
+                    let at = cube.tree(stored);
+                    outside |= !cube.holds(at);
                     Item { at, index }
-                },
-            ));
+                }));
+                unified.mover(*number).apply(block, length, into);
+            }
             if outside {
                 return Err(StageError::changed(&input.las));
             }
@@ -138,48 +152,9 @@ impl<'a> RawPoints<'a> {
     /// All raw records with the number of their layout, in their order.
     pub fn records(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let inputs = &self.survey.inputs;
-        self.parts.iter().flat_map(move |part| {
-            let input = &inputs[part.input];
-            part.bytes.chunks_exact(input.source.record_length).map(move |record| (input.layout, record))
+        self.parts.iter().flat_map(move |(number, bytes)| {
+            let input = &inputs[*number];
+            bytes.chunks_exact(input.source.record_length).map(move |record| (input.layout, record))
         })
-    }
-
-    fn part_of(&self, index: u32) -> &RawPart<'a> {
-        let mut part = self.pages[(index >> self.shift) as usize] as usize;
-        while self.parts.get(part + 1).is_some_and(|next| next.first <= index) {
-            part += 1;
-        }
-        &self.parts[part]
-    }
-}
-
-impl Records for RawPoints<'_> {
-    fn gather(&self, indices: impl Iterator<Item = u32>, count: usize, out: &mut Vec<u8>) {
-        let size = self.survey.unified.schema.record_size();
-        let start = out.len();
-        out.resize(start + count * size, 0);
-        for (record, index) in out[start..].chunks_exact_mut(size).zip(indices) {
-            let part = self.part_of(index);
-            let input = &self.survey.inputs[part.input];
-            let length = input.source.record_length;
-            let raw = &part.bytes[(index - part.first) as usize * length..][..length];
-            record::put_position(record, input.requantise.stored(record::raw_position(raw)));
-            self.survey.unified.mover(part.input).apply(raw, record);
-        }
-    }
-}
-
-/// Records that are in the octree's layout already.
-pub struct PlainRecords {
-    pub bytes: Vec<u8>,
-    /// Bytes a record.
-    pub size: usize,
-}
-
-impl Records for PlainRecords {
-    fn gather(&self, indices: impl Iterator<Item = u32>, _count: usize, out: &mut Vec<u8>) {
-        for index in indices {
-            out.extend_from_slice(&self.bytes[index as usize * self.size..][..self.size]);
-        }
     }
 }

@@ -31,14 +31,57 @@ pub struct NodeEntry {
 /// A chunk's finished nodes, one behind the other.
 #[derive(Debug, Default)]
 pub struct Block {
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
     pub nodes: Vec<NodeEntry>,
+}
+
+/// Bytes that grow at their end, in memory that may have served before: it is
+/// neither cleared nor asked of the system again.
+#[derive(Debug, Default)]
+pub struct Bytes {
+    memory: Vec<u8>,
+    end: usize,
+}
+
+impl Bytes {
+    /// Room for so many more, to be filled; what is in it is of no meaning.
+    pub fn room(&mut self, bytes: usize) -> &mut [u8] {
+        let start = self.end;
+        self.end += bytes;
+        if self.memory.len() < self.end {
+            self.memory.resize(self.end.next_multiple_of(1 << 16), 0);
+        }
+        &mut self.memory[start..self.end]
+    }
+
+    /// Makes sure that so many can come without moving what is there.
+    pub fn reserve(&mut self, bytes: usize) {
+        if self.memory.is_empty() {
+            // Zeroed by the system, page by page, where they are used.
+            self.memory = vec![0; bytes];
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.end
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.end == 0
+    }
+}
+
+impl std::ops::Deref for Bytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        &self.memory[..self.end]
+    }
 }
 
 /// A block that waits for its place, or has just got it.
 enum Content {
     /// In memory; with the receipt to be given when it is written.
-    Here(Vec<u8>, Option<Built>),
+    Here(Bytes, Option<Built>),
     /// In the scratch, receipted.
     Spilled(u64),
     /// At this place already, since an earlier run.
@@ -74,7 +117,12 @@ pub struct OctreeFile {
     most_waiting: u64,
     state: Mutex<State>,
     moved: Condvar,
+    /// Memory of blocks that are written, for those to come.
+    used: Mutex<Vec<Bytes>>,
 }
+
+/// Blocks whose memory is kept: one for each of a few threads.
+const MOST_USED: usize = 4;
 
 impl OctreeFile {
     pub fn new(file: DiskFile, scratch: Option<Arc<Scratch>>, most_waiting: u64) -> OctreeFile {
@@ -82,7 +130,20 @@ impl OctreeFile {
         if let Some(scratch) = &scratch {
             scratch.vouch_for(file.clone());
         }
-        OctreeFile { file, scratch, most_waiting, state: Mutex::default(), moved: Condvar::new() }
+        OctreeFile {
+            file,
+            scratch,
+            most_waiting,
+            state: Mutex::default(),
+            moved: Condvar::new(),
+            used: Mutex::default(),
+        }
+    }
+
+    /// An empty block.
+    pub fn block(&self) -> Block {
+        let bytes = self.used().pop().unwrap_or_default();
+        Block { bytes, nodes: Vec::new() }
     }
 
     /// Hands in the block of a number; each number from 0 on comes once. With a
@@ -150,6 +211,10 @@ impl OctreeFile {
                 if let (Some(scratch), Some(built)) = (scratch, receipt) {
                     scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..built } })?;
                 }
+                let mut used = self.used();
+                if used.len() < MOST_USED {
+                    used.push(Bytes { end: 0, ..bytes });
+                }
             }
             (Content::Spilled(bytes), Some(scratch)) => {
                 self.file.write_all_at(&scratch.unspill(number, bytes)?, at)?;
@@ -187,6 +252,10 @@ impl OctreeFile {
         }
         self.file.sync()?;
         Ok((state.nodes, state.end))
+    }
+
+    fn used(&self) -> MutexGuard<'_, Vec<Bytes>> {
+        self.used.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn state(&self) -> MutexGuard<'_, State> {

@@ -18,7 +18,7 @@ use crate::cloud::statistics::Statistics;
 
 /// Changes whenever receipts, or the data behind them, are to be read otherwise
 /// than before: what an older program left is then cleared.
-pub const FORMAT: &str = concat!("lodestone receipts 2, program ", env!("CARGO_PKG_VERSION"));
+pub const FORMAT: &str = concat!("lodestone receipts 3, program ", env!("CARGO_PKG_VERSION"));
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.
@@ -61,6 +61,7 @@ pub struct Built {
     pub at: Option<u64>,
     /// Points in the finished nodes.
     pub points: u64,
+    /// Of all of a chunk's points; of a step of the merge, empty.
     pub statistics: Statistics,
     /// Its topmost node, which waits for the levels above.
     pub root: Risen,

@@ -62,41 +62,61 @@ pub fn encode_brotli(schema: &Schema, records: &[u8], quality: u32, out: &mut Ve
     if records.is_empty() || record_size == 0 {
         return Ok(());
     }
-    let order = morton_order(schema, records);
-    let mut columns_bytes = Vec::with_capacity(records.len() + order.len() * 6);
+    let keys = morton_keys(schema, records);
+    let mut sorted = Vec::with_capacity(records.len());
+    for key in &keys {
+        sorted.extend_from_slice(&records[*key as u32 as usize * record_size..][..record_size]);
+    }
+    let width: usize = columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum();
+    let mut columns_bytes = vec![0; keys.len() * width];
+    let mut rest = columns_bytes.as_mut_slice();
     for (column, start, attribute) in columns(schema) {
-        for &index in &order {
-            let value = &records[index as usize * record_size + start..][..attribute.size()];
-            match column {
-                Column::Position => {
-                    let (high, low) = morton::encode_position(three(value, i32::from_le_bytes));
-                    columns_bytes.extend(high.to_le_bytes());
-                    columns_bytes.extend(low.to_le_bytes());
+        let width = column.width(attribute);
+        let (values, behind) = rest.split_at_mut(keys.len() * width);
+        rest = behind;
+        let fields = sorted.chunks_exact(record_size).map(|record| &record[start..]);
+        match column {
+            Column::Position => {
+                for (value, key) in values.as_chunks_mut::<8>().0.chunks_exact_mut(2).zip(&keys) {
+                    value[0] = ((key >> 80) as u64).to_le_bytes();
+                    value[1] = ((key >> 32) as u64 & LOW_CODE).to_le_bytes();
                 }
-                Column::Color => {
-                    columns_bytes.extend(morton::encode(three(value, u16::from_le_bytes)).to_le_bytes());
+            }
+            Column::Color => {
+                for (value, field) in values.as_chunks_mut::<8>().0.iter_mut().zip(fields) {
+                    *value = morton::encode(three(field, u16::from_le_bytes)).to_le_bytes();
                 }
-                Column::Plain => columns_bytes.extend_from_slice(value),
+            }
+            Column::Plain if width == 1 => values.iter_mut().zip(fields).for_each(|(to, from)| *to = from[0]),
+            Column::Plain => {
+                for (value, field) in values.chunks_exact_mut(width.max(1)).zip(fields) {
+                    value.copy_from_slice(&field[..width]);
+                }
             }
         }
     }
     compress(&columns_bytes, quality, out)
 }
 
-/// The records' indices in the order of their positions' Morton codes; equal
-/// positions stay in the order they have.
-fn morton_order(schema: &Schema, records: &[u8]) -> Vec<u32> {
-    let count = records.len() / schema.record_size();
-    let Some((_, start, attribute)) = columns(schema).find(|c| c.0 == Column::Position) else {
-        return (0..count as u32).collect();
+/// The 48 bits of a code.
+const LOW_CODE: u64 = (1 << 48) - 1;
+
+/// What records are sorted by, in order: the high and the low Morton code of the
+/// position, 48 bits each, and then the record's number in 32 bits, so that
+/// equal positions stay in the order they have.
+fn morton_keys(schema: &Schema, records: &[u8]) -> Vec<u128> {
+    let position = columns(schema).find(|c| c.0 == Column::Position).map(|(_, start, _)| start);
+    let code = |record: &[u8]| match position {
+        None => 0,
+        Some(start) => {
+            let (high, low) = morton::encode_position(three(&record[start..], i32::from_le_bytes));
+            u128::from(high) << 80 | u128::from(low) << 32
+        }
     };
-    let code = |record: &[u8]| {
-        morton::encode_position(three(&record[start..start + attribute.size()], i32::from_le_bytes))
-    };
-    let mut codes: Vec<((u64, u64), u32)> =
-        records.chunks_exact(schema.record_size()).map(code).zip(0..).collect();
-    codes.sort_unstable();
-    codes.into_iter().map(|(_, index)| index).collect()
+    let records = records.chunks_exact(schema.record_size());
+    let mut keys: Vec<u128> = records.zip(0u32..).map(|(record, i)| code(record) | u128::from(i)).collect();
+    keys.sort_unstable();
+    keys
 }
 
 fn compress(bytes: &[u8], quality: u32, out: &mut Vec<u8>) -> Result<()> {
