@@ -252,7 +252,7 @@ mod tests {
         );
         assert_eq!(range(6), [(0.0, 10.0), (200.0, 200.0)]);
         assert_eq!(whole.attributes[1].histogram.as_ref().unwrap()[4], 2000);
-        assert_eq!(whole.attributes[2].histogram.as_ref().unwrap()[254], 1428);
+        assert_eq!(whole.attributes[2].histogram.as_ref().unwrap()[254], 1429);
         assert!(whole.attributes[6].histogram.is_none());
     }
 
