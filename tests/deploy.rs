@@ -113,8 +113,17 @@ fn settings_that_are_deployed_or_written_of_exist() {
     assert!(known.contains("LODESTONE_LISTEN"), "{help}");
     for file in ["deploy/lodestone.service", "deploy/Dockerfile", "README.md"] {
         for word in words(&read(file), "LODESTONE_") {
-            let of_tests =
-                ["DATA", "VIEWER", "PROMETHEUS", "SMALL_DISKS", "HISTORIES", "MANY", "KILLS", "FUZZ_SECONDS"];
+            let of_tests = [
+                "DATA",
+                "VIEWER",
+                "PROMETHEUS",
+                "SMALL_DISKS",
+                "HISTORIES",
+                "MANY",
+                "KILLS",
+                "FUZZ_SECONDS",
+                "REQUIRE_GPU",
+            ];
             // What a hook is told is no setting; daemon_control.rs holds it to that.
             let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"];
             let other = of_tests.iter().chain(&of_hooks).any(|name| word == format!("LODESTONE_{name}"));
