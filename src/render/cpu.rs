@@ -167,32 +167,56 @@ impl Buffers {
     }
 }
 
+/// The tiles that a splat reaches into: the first, how many to the right of it,
+/// and how many below. Hardly ever more than the first.
+#[derive(Clone, Copy)]
+struct Reached {
+    first: u32,
+    right: u16,
+    below: u16,
+}
+
+impl Reached {
+    fn new(splat: &Projected, fringe: i32, [width, height]: [u32; 2], across: u32) -> Reached {
+        let reach = splat.core + fringe;
+        let tile = |at: i32, side: u32| ((at >> 4).clamp(0, side as i32 - 1) as u32) / SIDE;
+        let (left, right) = (tile(splat.x - reach, width), tile(splat.x + reach, width));
+        let (top, bottom) = (tile(splat.y - reach, height), tile(splat.y + reach, height));
+        Reached { first: top * across + left, right: (right - left) as u16, below: (bottom - top) as u16 }
+    }
+
+    #[inline(always)]
+    fn each(self, across: u32, mut of: impl FnMut(usize)) {
+        for row in 0..=u32::from(self.below) {
+            for column in 0..=u32::from(self.right) {
+                of((self.first + row * across + column) as usize);
+            }
+        }
+    }
+}
+
 /// Projects a batch and sorts it by tile, in two passes as counting sorts are.
 fn bins(drawing: &Drawing, batch: &[Splat], across: u32, tiles: usize) -> Bins {
     let frame = &drawing.frame;
-    let projected: Vec<Projected> =
-        batch.iter().filter_map(|splat| kernel::project(frame, &drawing.radii, splat)).collect();
+    let mut projected: Vec<(Projected, Reached)> = Vec::with_capacity(batch.len());
     let mut starts = vec![0u32; tiles + 1];
-    let reached = |splat: &Projected| {
-        let reach = splat.core + frame.fringe as i32;
-        let tile = |at: i32, side: u32| ((at >> 4).clamp(0, side as i32 - 1) as u32) / SIDE;
-        let span = |at: i32, side: u32| tile(at - reach, side)..=tile(at + reach, side);
-        let (columns, rows) = (span(splat.x, frame.width), span(splat.y, frame.height));
-        rows.flat_map(move |row| columns.clone().map(move |column| (row * across + column) as usize))
-    };
-    for splat in &projected {
-        reached(splat).for_each(|tile| starts[tile + 1] += 1);
+    for splat in batch {
+        if let Some(splat) = kernel::project(frame, &drawing.radii, splat) {
+            let reached = Reached::new(&splat, frame.fringe as i32, [frame.width, frame.height], across);
+            reached.each(across, |tile| starts[tile + 1] += 1);
+            projected.push((splat, reached));
+        }
     }
     for tile in 0..tiles {
         starts[tile + 1] += starts[tile];
     }
     let mut next = starts.clone();
     let mut splats = vec![Projected::default(); starts[tiles] as usize];
-    for splat in &projected {
-        for tile in reached(splat) {
+    for (splat, reached) in &projected {
+        reached.each(across, |tile| {
             splats[next[tile] as usize] = *splat;
             next[tile] += 1;
-        }
+        });
     }
     Bins { splats, starts }
 }

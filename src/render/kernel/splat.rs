@@ -43,26 +43,38 @@ impl Tile<'_> {
         ]
     }
 
-    /// Square of the distance between a pixel's centre and a splat's, in
-    /// sixteenths.
+    /// From a splat's centre to that of a pixel, along one axis, in sixteenths.
     #[inline(always)]
-    fn square(&self, splat: &Projected, x: i32, y: i32) -> i32 {
-        let dx = ((self.left + x) << 4) + 8 - splat.x;
-        let dy = ((self.top + y) << 4) + 8 - splat.y;
-        dx * dx + dy * dy
+    fn offset(start: i32, pixel: i32, centre: i32) -> i32 {
+        ((start + pixel) << 4) + 8 - centre
+    }
+
+    /// Where a stretch of a row lies in the buffers.
+    #[inline(always)]
+    fn stretch(&self, y: i32, columns: &std::ops::Range<i32>) -> std::ops::Range<usize> {
+        let row = y * self.width;
+        (row + columns.start) as usize..(row + columns.end) as usize
     }
 }
 
 /// The nearest depth of every pixel, by the cores of the splats.
+#[inline]
 pub fn depth(tile: &mut Tile, splat: &Projected) {
     let [columns, rows] = tile.around(splat, splat.core);
+    if columns.is_empty() {
+        return;
+    }
     let limit = splat.core * splat.core;
+    let first = Tile::offset(tile.left, columns.start, splat.x);
     for y in rows {
-        for x in columns.clone() {
-            if tile.square(splat, x, y) <= limit {
-                let pixel = &mut tile.depths[(y * tile.width + x) as usize];
+        let dy = Tile::offset(tile.top, y, splat.y);
+        let stretch = tile.stretch(y, &columns);
+        let mut dx = first;
+        for pixel in &mut tile.depths[stretch] {
+            if dx * dx + dy * dy <= limit {
                 *pixel = splat.depth.min(*pixel);
             }
+            dx += 16;
         }
     }
 }
@@ -70,31 +82,37 @@ pub fn depth(tile: &mut Tile, splat: &Projected) {
 /// Adds a splat's colour where it is not behind the front by more than its
 /// blend depth. What reaches over the edge of the front surface from before or
 /// from beside is added too: edges become smooth.
+#[inline]
 pub fn shade(tile: &mut Tile, splat: &Projected, fringe: i32, blended: bool) {
     let reach = splat.core + fringe;
     let limit = reach * reach;
     let [columns, rows] = tile.around(splat, reach);
+    if columns.is_empty() {
+        return;
+    }
     let slope = (HEAVIEST << 16) / limit.max(1) as u32;
-    let color = splat.color.to_le_bytes();
+    let [r, g, b, _] = splat.color.to_le_bytes().map(u64::from);
+    let first = Tile::offset(tile.left, columns.start, splat.x);
     for y in rows {
-        for x in columns.clone() {
-            let square = tile.square(splat, x, y);
+        let dy = Tile::offset(tile.top, y, splat.y);
+        let stretch = tile.stretch(y, &columns);
+        let mut dx = first - 16;
+        for (&front, sums) in tile.depths[stretch.clone()].iter().zip(&mut tile.sums[stretch]) {
+            dx += 16;
+            let square = dx * dx + dy * dy;
             if square > limit {
                 continue;
             }
-            let index = (y * tile.width + x) as usize;
-            let front = tile.depths[index];
             let shown =
                 if blended { splat.depth <= front.saturating_add(splat.blend) } else { splat.depth == front };
             if !shown {
                 continue;
             }
             let weight = u64::from((((limit - square) as u32 * slope) >> 16).max(1));
-            let sums = &mut tile.sums[index];
             sums.weight += weight;
-            for channel in 0..3 {
-                sums.color[channel] += weight * u64::from(color[channel]);
-            }
+            sums.color[0] += weight * r;
+            sums.color[1] += weight * g;
+            sums.color[2] += weight * b;
             sums.behind += weight * u64::from(behind(splat, front));
         }
     }
