@@ -93,6 +93,8 @@ fn clouds_without_extent_or_far_away_are_shown() {
             // From within or above a line one may see next to nothing of it.
             assert!(seen > 0 || view == View::Inside || view == View::Close, "{what}, {view:?}");
             assert!(seen < picture.pixels.len(), "{what}, {view:?}");
+            // Whoever looks at it finds it.
+            assert!(seen >= 50 || view != View::Overview, "{what}: {seen} pixels");
         }
     }
 }

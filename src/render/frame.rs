@@ -163,7 +163,7 @@ impl Drawing {
             depth_scale: DEPTHS / far as f32,
             eye: eye.map(|c| c as f32),
             smallest: shading.core[0],
-            largest: shading.core[1] * zoom,
+            largest: (shading.core[1] * zoom).max(shading.core[0]),
             fringe: (shading.fringe * SUBPIXELS) as u32,
             blend: shading.blend,
             edl: shading.edl,

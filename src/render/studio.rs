@@ -1,8 +1,9 @@
 //! One octree before the camera: stills and turntables of it.
 
+use std::collections::HashSet;
 use std::path::Path;
 
-use super::camera::Shot;
+use super::camera::{Shot, focal};
 use super::colour::{ColorBy, Painter};
 use super::cutaway::ceiling;
 use super::error::Result;
@@ -13,6 +14,12 @@ use super::renderer::{Choice, Renderer};
 use super::sample::Sample;
 use super::scene::Scene;
 use super::select::{Wanted, select};
+
+/// Pixels of a cell's side, the cells in sight below which splats grow, and the
+/// radius to which they do, in pixels.
+const CELL: f64 = 8.0;
+const FEW: f32 = 48.0;
+const BIG: f32 = 6.0;
 
 /// How good a picture is, and what it may cost.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +74,8 @@ pub struct Studio {
 struct Set {
     scene: Scene,
     effort: Effort,
+    /// Radius of the smallest splat, in pixels.
+    smallest: f32,
 }
 
 impl Studio {
@@ -92,7 +101,7 @@ impl Studio {
         let top = self.top(view);
         let shot = frame(&self.below(top), view, size, false);
         let set = self.set(&[shot], size, top, quality)?;
-        Ok((self.shoot(&shot, size, quality, &set.scene)?, set.effort))
+        Ok((self.shoot(&shot, size, quality, &set)?, set.effort))
     }
 
     /// A full circle in so many pictures, each handed over as it is done. All
@@ -111,7 +120,7 @@ impl Studio {
             (0..frames).map(|number| first.turned(f64::from(number) / f64::from(frames))).collect();
         let set = self.set(&shots, size, top, quality)?;
         for shot in &shots {
-            done(self.shoot(shot, size, quality, &set.scene)?)?;
+            done(self.shoot(shot, size, quality, &set)?)?;
         }
         Ok(set.effort)
     }
@@ -140,17 +149,34 @@ impl Studio {
             points: scene.splats.len() as u64,
             bytes_read: self.octree.bytes_read() - before,
         };
-        Ok(Set { scene, effort })
+        let usual = quality.shading.core[0];
+        let smallest = shots.first().map_or(usual, |shot| self.smallest(shot, size, usual));
+        Ok(Set { scene, effort, smallest })
     }
 
-    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, scene: &Scene) -> Result<Picture> {
+    /// The smallest splat of a shot, in pixels: larger where there is so little
+    /// to see that one would look for it, such as a single point.
+    fn smallest(&self, shot: &Shot, size: [u32; 2], usual: f32) -> f32 {
+        let (camera, focal) = (shot.camera(), focal(size[0], size[1]));
+        let cells = self.sample.positions.iter().filter_map(|point| {
+            let [x, y, away] = camera.view(*point);
+            let cell = [x, y].map(|side| (side / away * focal / CELL).floor() as i32);
+            (away > 0.0).then_some(cell)
+        });
+        let cells = cells.collect::<HashSet<_>>().len().max(1);
+        usual.max((FEW / cells as f32).min(BIG))
+    }
+
+    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, set: &Set) -> Result<Picture> {
+        let (scene, mut shading) = (&set.scene, quality.shading);
+        shading.core[0] = set.smallest;
         let drawing = Drawing::new(
             &shot.camera(),
             size,
             scene.centre,
             scene.reach,
             scene.largest,
-            &quality.shading,
+            &shading,
             quality.background,
         );
         self.renderer.draw(&drawing, scene)
