@@ -171,7 +171,6 @@ pub enum Unit {
     Surveyed,
     Bucketed(u32),
     Built(u32),
-    Finished,
 }
 
 impl Receipt {
@@ -182,8 +181,10 @@ impl Receipt {
             Receipt::Surveyed(_) => Some(Unit::Surveyed),
             Receipt::Bucketed { unit, .. } => Some(Unit::Bucketed(*unit)),
             Receipt::Built { number, .. } => Some(Unit::Built(*number)),
-            Receipt::Finished { .. } => Some(Unit::Finished),
-            Receipt::Begun { .. }
+            // A kill between it and the rename has the end written once more: it
+            // vouches for a folder, not for work that would be saved.
+            Receipt::Finished { .. }
+            | Receipt::Begun { .. }
             | Receipt::Synced { .. }
             | Receipt::Bucketing { .. }
             | Receipt::Placed { .. } => None,
