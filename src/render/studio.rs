@@ -44,7 +44,7 @@ impl Quality {
     /// For the pictures of a turntable: a little coarser, and bounded so that
     /// dozens of them take seconds; they are small and pass by.
     pub fn turntable() -> Quality {
-        Quality { spacing: 0.8, budget: 500_000, ..Quality::default() }
+        Quality { spacing: 1.0, budget: 300_000, ..Quality::default() }
     }
 
     /// Every point of the cloud: what the others are measured against.
