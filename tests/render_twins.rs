@@ -18,20 +18,6 @@ use lodestone::render::studio::{Quality, Studio};
 use lodestone::stage::options::Options;
 use lodestone::synth::{Kind, Recipe};
 
-const SCENES: [Kind; 12] = [
-    Kind::Terrain,
-    Kind::Town,
-    Kind::Interior,
-    Kind::Object,
-    Kind::Volume,
-    Kind::Duplicates,
-    Kind::Outliers,
-    Kind::Flat,
-    Kind::Line,
-    Kind::Dot,
-    Kind::Strips,
-    Kind::Far,
-];
 const VIEWS: [View; 5] = [View::Overview, View::Top, View::Grazing, View::Close, View::Inside];
 
 /// Whether there is an adapter to test with.
@@ -62,7 +48,7 @@ fn shaders_and_kernels_draw_the_same() {
     if !adapter() {
         return;
     }
-    for kind in SCENES {
+    for kind in Kind::ALL {
         let folder = tempfile::tempdir().unwrap();
         let octree = octree(kind, 120_000, folder.path());
         let open = |choice| Studio::open(&octree, ColorBy::Auto, choice).unwrap();
