@@ -5,10 +5,7 @@
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) at: vec3<u32>) {
-    if at.x >= arrayLength(&splats) {
-        return;
-    }
-    let splat = project(splats[at.x]);
+    let splat = splat_at(at.x);
     if !splat.shown {
         return;
     }

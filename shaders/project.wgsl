@@ -44,6 +44,14 @@ fn project(splat: Splat) -> Projected {
     return projected;
 }
 
+// The splat of a number, not shown where there are fewer.
+fn splat_at(number: u32) -> Projected {
+    if number >= arrayLength(&splats) {
+        return Projected();
+    }
+    return project(splats[number]);
+}
+
 // First and last pixel, of one axis, whose centre may lie within reach.
 fn span(at: i32, reach: i32, size: u32) -> vec2<i32> {
     return vec2<i32>(max((at - reach + 7) >> 4u, 0), min((at + reach - 8) >> 4u, i32(size) - 1));

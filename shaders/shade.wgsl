@@ -25,10 +25,7 @@ fn behind(splat: Projected, front: u32) -> u32 {
 
 @compute @workgroup_size(256)
 fn main(@builtin(global_invocation_id) at: vec3<u32>) {
-    if at.x >= arrayLength(&splats) {
-        return;
-    }
-    let splat = project(splats[at.x]);
+    let splat = splat_at(at.x);
     if !splat.shown {
         return;
     }

@@ -67,6 +67,8 @@ pub struct Studio {
     octree: Octree,
     sample: Sample,
     painter: Painter,
+    /// World z of the ceiling, where there is one.
+    ceiling: Option<f64>,
     renderer: Renderer,
 }
 
@@ -83,7 +85,8 @@ impl Studio {
         let mut octree = Octree::open(folder)?;
         let sample = Sample::take(&mut octree)?;
         let painter = Painter::choose(&octree, &sample, by)?;
-        Ok(Studio { octree, sample, painter, renderer: Renderer::open(choice)? })
+        let ceiling = ceiling(&sample.positions);
+        Ok(Studio { octree, sample, painter, ceiling, renderer: Renderer::open(choice)? })
     }
 
     /// What the colours show: an attribute's name, or `height`.
@@ -128,8 +131,7 @@ impl Studio {
     /// World z above which a view shows nothing.
     fn top(&self, view: View) -> f64 {
         let opens = matches!(view, View::Overview | View::Top | View::Close);
-        let cut = if opens { ceiling(&self.sample.positions) } else { None };
-        cut.unwrap_or(f64::INFINITY)
+        self.ceiling.filter(|_| opens).unwrap_or(f64::INFINITY)
     }
 
     /// The points of the first look that are shown.
