@@ -9,12 +9,13 @@
 //! (SAMPLING.md, B7 and halo).
 //!
 //! Samples near a node's faces are remembered and honoured by the neighbours
-//! that are sampled later, which the paper leaves open: within a chunk, samples
-//! keep their distance across nodes too.
+//! that are sampled later, which the paper leaves open; those along the faces of
+//! the whole tree are handed to the trees beside it. So samples keep their
+//! distance across all nodes of a level.
 
 use std::collections::HashMap;
 
-use super::sampler::{Item, Sampler};
+use super::sampler::{Item, Rim, Sampler};
 use crate::cloud::cube::{Frame, SPACING_BITS};
 use crate::cloud::node::NodeKey;
 
@@ -313,8 +314,24 @@ fn squared_distance(a: Local, b: Local) -> i64 {
 }
 
 impl Sampler for PoissonDisk {
-    fn begin(&mut self) {
+    fn begin(&mut self, around: Vec<Rim>) {
         self.halo.clear();
+        self.halo.extend(around.into_iter().map(|rim| (rim.node, rim.samples)));
+    }
+
+    fn end(&mut self, root: NodeKey, frame: Frame) -> Vec<Rim> {
+        let mut rims: Vec<Rim> = self.halo.drain().map(|(node, samples)| Rim { node, samples }).collect();
+        rims.retain_mut(|rim| {
+            let Some(below) = rim.node.level.checked_sub(root.level) else { return false };
+            let own = Frame { side_bits: frame.side_bits - u32::from(below), ..frame };
+            let reach = Spacing::of(own, self.slack).reach;
+            let near = |c: u32| i64::from(c) < reach || i64::from(c) >= (1 << frame.side_bits) - reach;
+            rim.samples.retain(|at| frame.local(*at).into_iter().any(near));
+            rim.node.at.map(|c| c >> below) == root.at && !rim.samples.is_empty()
+        });
+        // In an order that is always the same.
+        rims.sort_unstable_by_key(|rim| (rim.node.level, rim.node.at));
+        rims
     }
 
     fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
@@ -378,7 +395,7 @@ mod tests {
                 points.into_iter().map(|(x, y, z)| [x, y / squeeze, z / squeeze]).collect();
             let (left, right): (Vec<_>, Vec<_>) = points.into_iter().partition(|p| p[0] < 1024);
             let mut sampler = PoissonDisk::default();
-            sampler.begin();
+            sampler.begin(Vec::new());
             let a = sampled(&mut sampler, NodeKey::ROOT.child(0), 11, &left);
             let b = sampled(&mut sampler, NodeKey::ROOT.child(4), 11, &right);
             let squared = 8 * 8;
@@ -412,7 +429,7 @@ mod tests {
             (0..5000u32).map(|i| [i * 7919 % 4096, i * 5309 % 4096, i * 3461 % 64]).collect();
         let mut sampler = PoissonDisk::default();
         let first = sampled(&mut sampler, NodeKey::ROOT, 12, &points);
-        sampler.begin();
+        sampler.begin(Vec::new());
         assert_eq!(sampled(&mut sampler, NodeKey::ROOT, 12, &points), first);
         assert!(first.len() > 100);
     }

@@ -15,15 +15,31 @@ pub struct Item {
     pub index: u32,
 }
 
+/// Samples of a node that lie near its faces.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rim {
+    pub node: NodeKey,
+    /// Tree coordinates.
+    pub samples: Vec<[u32; 3]>,
+}
+
 /// Picks samples. Candidates come in Morton order, each child's together and its
 /// cells at the node's spacing too. Deterministic: the choice depends on the candidates, their
 /// order and the node alone (and, for samplers that honour neighbours, on the
-/// nodes of the same level that were sampled before in this chunk).
+/// nodes of the same level that were sampled before in this tree, or handed over
+/// when it began).
 pub trait Sampler {
     /// Decides for each candidate, in the order given, whether the node takes
     /// it: `taken` gets one flag a candidate.
     fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>);
 
-    /// Forgets what it knows of the nodes sampled before; a new chunk begins.
-    fn begin(&mut self) {}
+    /// A new tree begins: nothing is known any more but the nodes around it that
+    /// are to be honoured.
+    fn begin(&mut self, _around: Vec<Rim>) {}
+
+    /// The tree is done. Returns what trees beside it are to honour: the samples
+    /// along the faces of its root, whose frame this is.
+    fn end(&mut self, _root: NodeKey, _frame: Frame) -> Vec<Rim> {
+        Vec::new()
+    }
 }

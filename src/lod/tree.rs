@@ -11,7 +11,7 @@
 //! joined with the leaves around it, so that no chain of levels leads down to it.
 
 use super::order;
-use super::sampler::{Item, Sampler};
+use super::sampler::{Item, Rim, Sampler};
 use super::thin::{NODE_LIMIT, thin};
 use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
@@ -39,6 +39,8 @@ pub struct Builder<'s, E: Emit> {
     pub emit: E,
     /// Whether a position keeps no more than a leaf's worth of points.
     pub thin_crowds: bool,
+    /// Samples around the tree that it is to honour.
+    pub around: Vec<Rim>,
     /// Indices of what was kept out for it: the last of each crowd.
     pub aside: Vec<u32>,
     taken: Vec<bool>,
@@ -73,6 +75,8 @@ pub struct Root {
     pub items: Vec<Item>,
     pub has_children: bool,
     pub crowded: bool,
+    /// Samples along its faces, of all levels.
+    pub rims: Vec<Rim>,
 }
 
 /// Whether leaves become one leaf: where a crowd was thinned, a chain of levels
@@ -93,19 +97,29 @@ pub fn is_hollow(leaf_limit: usize, children: impl Iterator<Item = (usize, bool,
 
 impl<'s, E: Emit> Builder<'s, E> {
     pub fn new(bits: u32, leaf_limit: usize, sampler: &'s mut dyn Sampler, emit: E) -> Self {
-        Builder { bits, leaf_limit, sampler, emit, thin_crowds: false, aside: Vec::new(), taken: Vec::new() }
+        Builder {
+            bits,
+            leaf_limit,
+            sampler,
+            emit,
+            thin_crowds: false,
+            around: Vec::new(),
+            aside: Vec::new(),
+            taken: Vec::new(),
+        }
     }
 
     /// Builds the tree below `node` from all of its points (`spare` is room for
     /// as many). All nodes but the root are emitted.
     pub fn build(&mut self, node: NodeKey, items: &mut [Item], spare: &mut [Item]) -> Result<Root, E::Error> {
-        self.sampler.begin();
+        self.sampler.begin(std::mem::take(&mut self.around));
         let mut grown = self.grow(node, items, spare)?;
         let items = match grown.set {
             Set::Sampled(items) => items,
             Set::Sorted(_) => grown.set.items().to_vec(),
         };
-        Ok(Root { items, has_children: grown.has_children, crowded: grown.crowded })
+        let rims = self.sampler.end(node, Frame::of(self.bits, node));
+        Ok(Root { items, has_children: grown.has_children, crowded: grown.crowded, rims })
     }
 
     fn is_leaf(&self, node: NodeKey, points: usize) -> bool {

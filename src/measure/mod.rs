@@ -7,4 +7,5 @@
 
 pub mod flip;
 pub mod process;
+pub mod sampling;
 pub mod stability;

@@ -7,8 +7,9 @@ use std::sync::Mutex;
 use super::context::{Context, Stage};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
+use super::halos::{self, Halos, Kept, Turn};
 use super::nodes::{NodeWriter, RawPoints};
-use super::options::{Encoding, Mode, Options, Sampling};
+use super::options::{Encoding, Mode, Options};
 use super::output::{Block, OctreeFile};
 use super::receipt::{Built, Risen};
 use super::scratch::Scratch;
@@ -21,8 +22,6 @@ use crate::cloud::node::NodeKey;
 use crate::cloud::plan::Chunk;
 use crate::cloud::statistics::Statistics;
 use crate::disk::DiskFile;
-use crate::lod::poisson::PoissonDisk;
-use crate::lod::random::RandomInGrid;
 use crate::lod::sampler::{Item, Sampler};
 use crate::lod::tree::{Builder, LEAF_LIMIT};
 
@@ -45,7 +44,7 @@ impl Rising {
     pub fn points(&self, survey: &Survey) -> u64 {
         let bytes = match &self.records {
             RisingRecords::Memory(records) => records.len() as u64,
-            RisingRecords::Scratch(risen) => risen.bytes,
+            RisingRecords::Scratch(risen) => risen.records.bytes,
         };
         bytes / survey.unified.schema.record_size() as u64
     }
@@ -61,6 +60,8 @@ impl From<Risen> for Rising {
 /// The chunks' roots, in the order of the plan, and what was counted.
 pub struct Indexed {
     pub rising: Vec<Rising>,
+    /// Samples along the chunks' borders.
+    pub halos: Halos,
     /// Of all points, also of those that rise.
     pub statistics: Statistics,
     /// Points in the nodes that were written.
@@ -77,19 +78,15 @@ pub struct Done {
     /// Points in the nodes that were written.
     pub points: u64,
     pub aside: Vec<Range>,
-}
-
-pub fn sampler(survey: &Survey, sampling: Sampling) -> Box<dyn Sampler> {
-    match sampling {
-        Sampling::Poisson => Box::new(PoissonDisk::with_slack(survey.cube.slack())),
-        Sampling::Random => Box::new(RandomInGrid),
-    }
+    /// Samples along the border.
+    pub halo: Kept,
 }
 
 /// A chunk's root once it is there, and what was kept out.
 type Slot = Mutex<Option<(Rising, Vec<Range>)>>;
 
-/// Indexes all chunks into the octree file.
+/// Indexes all chunks into the octree file. Blocks are numbered in the order in
+/// which the chunks take their turns (see [`halos`]).
 pub fn index(
     survey: &Survey,
     runs: &Runs,
@@ -102,25 +99,31 @@ pub fn index(
     let threads = threads_for_memory(survey, options, context)?;
     let rising: Vec<Slot> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
+    let scratch = runs.scratch.as_deref();
+    let nodes: Vec<NodeKey> = chunks.iter().map(|chunk| chunk.node).collect();
+    let order = halos::order(&nodes);
+    let mut halos = Halos::new(survey.cube.bits, runs.scratch.clone());
+    halos.add(order.iter().map(|chunk| nodes[*chunk]));
     let start = || Indexer::new(survey, options);
-    workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, i| {
-        let before = runs.scratch.as_ref().and_then(|scratch| scratch.past.built.get(&(i as u32)));
-        let done = match before {
-            Some(built) => resubmit(octree, i, built),
-            None => indexer.chunk(survey, runs, octree, i, context),
+    workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, unit| {
+        let (chunk, turn) = (order[unit], halos.turn(unit));
+        let done = match scratch.and_then(|scratch| scratch.past.built.get(&(unit as u32))) {
+            Some(built) => resubmit(octree, unit, built),
+            None => indexer.chunk(survey, runs, octree, (unit, chunk), &turn, context),
         };
-        let Done { root, statistics, points, aside } = done.inspect_err(|_| octree.fail())?;
-        *rising[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, aside));
+        let Done { root, statistics, points, aside, halo } = done.inspect_err(|_| octree.fail())?;
+        turn.done(halo);
+        *rising[chunk].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, aside));
         let mut total = total.lock().unwrap_or_else(|e| e.into_inner());
         total.0.merge(&statistics);
         total.1 += points;
-        context.progress.advance(chunks[i].points);
+        context.progress.advance(chunks[chunk].points);
         Ok(())
     })?;
     let done = rising.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner()));
     let (rising, crowds): (Vec<Rising>, Vec<Vec<Range>>) = done.unzip();
     let (statistics, points) = total.into_inner().unwrap_or_else(|e| e.into_inner());
-    Ok(Indexed { rising, statistics, points, crowds: crowds.concat() })
+    Ok(Indexed { rising, halos, statistics, points, crowds: crowds.concat() })
 }
 
 /// As many threads as there is memory for, by the largest chunk.
@@ -157,7 +160,7 @@ struct Indexer<'o> {
 
 impl<'o> Indexer<'o> {
     fn new(survey: &Survey, options: &'o Options) -> Indexer<'o> {
-        let sampler = sampler(survey, options.sampling);
+        let sampler = options.sampling.sampler(survey.cube.slack());
         let (items, spare) = (Vec::new(), Vec::new());
         Indexer { options, sampler, items, spare, raw: Vec::new(), records: Vec::new() }
     }
@@ -167,7 +170,8 @@ impl<'o> Indexer<'o> {
         survey: &Survey,
         runs: &Runs,
         octree: &OctreeFile,
-        number: usize,
+        (unit, number): (usize, usize),
+        turn: &Turn,
         context: &Context,
     ) -> Result<Done> {
         let chunk = survey.plan.chunks[number];
@@ -205,6 +209,8 @@ impl<'o> Indexer<'o> {
         }
         let mut builder = Builder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
         builder.thin_crowds = self.options.duplicates != Mode::Keep;
+        // Asked for late: what is read and unpacked meanwhile need not wait.
+        builder.around = turn.around(u8::MAX, &context.cancel)?;
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
         builder.aside.sort_unstable();
         aside.extend(set_aside::ranges(parts, &builder.aside, Reason::Duplicate));
@@ -219,6 +225,7 @@ impl<'o> Indexer<'o> {
         let NodeWriter { records: all, block, points, .. } = builder.emit;
         let statistics = statistics(schema, &all, kept_out);
         self.records = all;
+        let halo = Kept::Memory(root.rims);
         let root = Rising {
             node: chunk.node,
             has_children: root.has_children,
@@ -226,8 +233,8 @@ impl<'o> Indexer<'o> {
             crowded: root.crowded || is_thinned_crowd,
             records: RisingRecords::Memory(records),
         };
-        let done = Done { root, statistics, points, aside };
-        hand_in(octree, number, block, done, runs.scratch.as_deref())
+        let done = Done { root, statistics, points, aside, halo };
+        hand_in(octree, unit, block, done, runs.scratch.as_deref())
     }
 }
 
@@ -246,8 +253,8 @@ fn statistics(schema: &Schema, records: &[u8], mut without: Vec<u32>) -> Statist
     statistics
 }
 
-/// Hands in a finished block and its topmost node: out of core with a receipt,
-/// the node's records going to the scratch.
+/// Hands in a finished block, its topmost node and its border: out of core with a
+/// receipt, node and border going to the scratch.
 pub fn hand_in(
     octree: &OctreeFile,
     number: usize,
@@ -255,12 +262,15 @@ pub fn hand_in(
     done: Done,
     scratch: Option<&Scratch>,
 ) -> Result<Done> {
-    let (Some(scratch), RisingRecords::Memory(records)) = (scratch, &done.root.records) else {
+    let (Some(scratch), RisingRecords::Memory(records), Kept::Memory(rims)) =
+        (scratch, &done.root.records, &done.halo)
+    else {
         octree.submit(number, block, None)?;
         return Ok(done);
     };
     let Rising { node, has_children, crowded, .. } = done.root;
-    let risen = scratch.keep(Risen { node, has_children, crowded, offset: 0, bytes: 0 }, records)?;
+    let risen = Risen { node, has_children, crowded, records: scratch.keep(records)? };
+    let halo = scratch.keep(&halos::to_bytes(rims))?;
     let built = Built {
         nodes: block.nodes.clone(),
         bytes: block.bytes.len() as u64,
@@ -268,17 +278,19 @@ pub fn hand_in(
         points: done.points,
         statistics: done.statistics.clone(),
         root: risen,
+        halo,
         aside: done.aside.clone(),
     };
     octree.submit(number, block, Some(built))?;
-    Ok(Done { root: risen.into(), ..done })
+    Ok(Done { root: risen.into(), halo: Kept::Scratch(halo), ..done })
 }
 
 /// Hands in what an earlier run built.
 pub fn resubmit(octree: &OctreeFile, number: usize, built: &Built) -> Result<Done> {
     octree.submit_again(number, built)?;
     let (root, statistics) = (built.root.into(), built.statistics.clone());
-    Ok(Done { root, statistics, points: built.points, aside: built.aside.clone() })
+    let halo = Kept::Scratch(built.halo);
+    Ok(Done { root, statistics, points: built.points, aside: built.aside.clone(), halo })
 }
 
 /// Reads a chunk's parts of all runs, one behind the other.

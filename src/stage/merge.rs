@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
+use super::halos::{self, Kept, Turn};
 use super::index::{self, Done, Indexed, Rising, RisingRecords};
 use super::nodes::NodeWriter;
 use super::options::Options;
@@ -46,7 +47,9 @@ pub fn merge(
     let mut points = indexed.points;
 
     let (subtrees, mut top) = cut(indexed.rising);
-    let merged: Vec<Mutex<Option<Done>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
+    let mut halos = indexed.halos;
+    halos.add(subtrees.iter().map(|(node, _)| *node).chain([NodeKey::ROOT]));
+    let merged: Vec<Slot> = subtrees.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
         subtrees.len(),
@@ -55,6 +58,7 @@ pub fn merge(
         |(), i| {
             let number = next_block + i;
             let (node, roots) = &subtrees[i];
+            let turn = halos.turn(number);
             let roots = std::mem::take(&mut *roots.lock().unwrap_or_else(|e| e.into_inner()));
             let before = scratch.and_then(|scratch| scratch.past.built.get(&(number as u32)));
             let subtree = match before {
@@ -64,27 +68,31 @@ pub fn merge(
                 }
                 None => {
                     let merger = Merger::new(survey, options, context, &above, roots, scratch);
-                    merger.subtree(*node, octree, number)
+                    merger.subtree(*node, octree, &turn, number)
                 }
             };
-            let subtree = subtree.inspect_err(|_| octree.fail())?;
-            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(subtree);
+            let Done { root, points, halo, .. } = subtree.inspect_err(|_| octree.fail())?;
+            turn.done(halo);
+            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points));
             Ok(())
         },
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let Done { root, points: more, .. } = subtree;
+        let (root, more) = subtree;
         points += more;
         top.insert(root.node, root);
     }
 
+    let turn = halos.turn(next_block);
     let mut merger = Merger::new(survey, options, context, &above, top, scratch);
+    merger.begin(&turn)?;
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
     let NodeWriter { block, points: more, .. } = merger.writer;
     octree.submit(next_block, block, None)?;
+    turn.done(Kept::Memory(Vec::new()));
     Ok(points + more)
 }
 
@@ -104,8 +112,11 @@ fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
 
 type Roots = HashMap<NodeKey, Rising>;
 
-/// Chunks below the cut by the subtree they are in, in the order of the plan,
-/// and those at or above it.
+/// A subtree's topmost node once it is there, and the points below it.
+type Slot = Mutex<Option<(Rising, u64)>>;
+
+/// Chunks below the cut by the subtree they are in, in the order in which the
+/// subtrees take their turns, and those at or above it.
 fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
     let mut subtrees: Vec<(NodeKey, Roots)> = Vec::new();
     let mut top = HashMap::new();
@@ -122,7 +133,10 @@ fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
             roots.insert(rising.node, rising);
         }
     }
-    (subtrees.into_iter().map(|(node, roots)| (node, Mutex::new(roots))).collect(), top)
+    let order = halos::order(&subtrees.iter().map(|(node, _)| *node).collect::<Vec<_>>());
+    let mut subtrees: Vec<_> = subtrees.into_iter().map(Some).collect();
+    let in_turn = order.into_iter().filter_map(|number| subtrees[number].take());
+    (in_turn.map(|(node, roots)| (node, Mutex::new(roots))).collect(), top)
 }
 
 struct Merger<'a> {
@@ -158,7 +172,7 @@ impl<'a> Merger<'a> {
             survey,
             context,
             above,
-            sampler: index::sampler(survey, options.sampling),
+            sampler: options.sampling.sampler(survey.cube.slack()),
             roots,
             scratch,
             writer: NodeWriter::new(survey, options.encoding),
@@ -166,15 +180,25 @@ impl<'a> Merger<'a> {
         }
     }
 
+    /// Learns of the samples around, of the levels that are sampled here: those
+    /// above the deepest root.
+    fn begin(&mut self, turn: &Turn) -> Result<()> {
+        let deepest = self.roots.keys().map(|node| node.level).max().unwrap_or(0);
+        self.sampler.begin(turn.around(deepest.saturating_sub(1), &self.context.cancel)?);
+        Ok(())
+    }
+
     /// Merges all below a node, and hands it in.
-    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, number: usize) -> Result<Done> {
+    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, turn: &Turn, number: usize) -> Result<Done> {
+        self.begin(turn)?;
         let root = self.grow(node)?;
+        let halo = Kept::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
         let Grown { node, has_children, crowded, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
         let NodeWriter { block, points, .. } = self.writer;
         let statistics = Statistics::empty(&self.survey.unified.schema);
         let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
-        let done = Done { root, statistics, points, aside: Vec::new() };
+        let done = Done { root, statistics, points, aside: Vec::new(), halo };
         index::hand_in(octree, number, block, done, self.scratch)
     }
 
@@ -185,7 +209,7 @@ impl<'a> Merger<'a> {
         if let Some(Rising { has_children, crowded, records, .. }) = self.roots.remove(&node) {
             let records = match (records, self.scratch) {
                 (RisingRecords::Memory(records), _) => records,
-                (RisingRecords::Scratch(risen), Some(scratch)) => scratch.fetch(&risen)?,
+                (RisingRecords::Scratch(risen), Some(scratch)) => scratch.fetch(risen.records)?,
                 (RisingRecords::Scratch(_), None) => {
                     return Err(StageError::Inconsistent(format!("the points of {node} are nowhere")));
                 }

@@ -8,6 +8,7 @@ pub mod counting;
 pub mod damage;
 pub mod distribute;
 pub mod error;
+pub mod halos;
 pub mod index;
 pub mod journal;
 pub mod machine;

@@ -2,6 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::lod::nearest::NearestToCentre;
+use crate::lod::poisson::PoissonDisk;
+use crate::lod::random::RandomInGrid;
+use crate::lod::sampler::Sampler;
+use crate::lod::shells::Shells;
+
 /// How a node's sample is chosen from its children's points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -11,6 +17,35 @@ pub enum Sampling {
     Poisson,
     /// One point a cell of a 128³ grid, after Kang et al.
     Random,
+    /// As `poisson`, by the paper's shells; slow, and for comparison.
+    Shells,
+    /// The point nearest to the centre of each cell of a 128³ grid, as Entwine has it.
+    Nearest,
+}
+
+impl Sampling {
+    pub const ALL: [Sampling; 4] = [Sampling::Poisson, Sampling::Random, Sampling::Shells, Sampling::Nearest];
+
+    /// What users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sampling::Poisson => "poisson",
+            Sampling::Random => "random",
+            Sampling::Shells => "shells",
+            Sampling::Nearest => "nearest",
+        }
+    }
+
+    /// The sampler, for tree coordinates that were rounded by so much (see
+    /// [`crate::cloud::cube::Cube::slack`]).
+    pub fn sampler(self, slack: u32) -> Box<dyn Sampler> {
+        match self {
+            Sampling::Poisson => Box::new(PoissonDisk::with_slack(slack)),
+            Sampling::Random => Box::new(RandomInGrid),
+            Sampling::Shells => Box::new(Shells::with_slack(slack)),
+            Sampling::Nearest => Box::new(NearestToCentre),
+        }
+    }
 }
 
 /// How points are stored in octree.bin.

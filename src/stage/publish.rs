@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::options::{Encoding, Options, Sampling};
+use super::options::{Encoding, Options};
 use super::output::NodeEntry;
 use super::survey::Survey;
 use crate::cloud::statistics::Statistics;
@@ -117,10 +117,7 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
         generator: Some(Generator {
             name: "lodestone".into(),
             version: env!("CARGO_PKG_VERSION").into(),
-            sampling: match options.sampling {
-                Sampling::Poisson => "poisson".into(),
-                Sampling::Random => "random".into(),
-            },
+            sampling: options.sampling.name().into(),
             left_out: survey.unified.left_out.clone(),
         }),
         attributes: schema

@@ -18,7 +18,7 @@ use crate::cloud::statistics::Statistics;
 
 /// Changes whenever receipts, or the data behind them, are to be read otherwise
 /// than before: what an older program left is then cleared.
-pub const FORMAT: &str = concat!("lodestone receipts 3, program ", env!("CARGO_PKG_VERSION"));
+pub const FORMAT: &str = concat!("lodestone receipts 4, program ", env!("CARGO_PKG_VERSION"));
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.
@@ -65,6 +65,8 @@ pub struct Built {
     pub statistics: Statistics,
     /// Its topmost node, which waits for the levels above.
     pub root: Risen,
+    /// Samples along its border, for those that touch it.
+    pub halo: Span,
     /// What was kept out of the octree.
     pub aside: Vec<Range>,
 }
@@ -75,9 +77,21 @@ pub struct Risen {
     pub node: NodeKey,
     pub has_children: bool,
     pub crowded: bool,
-    /// Place and length of its records, in bytes.
+    /// Its records.
+    pub records: Span,
+}
+
+/// Where something lies in the scratch, in bytes.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub struct Span {
     pub offset: u64,
     pub bytes: u64,
+}
+
+impl Span {
+    fn end(self) -> u64 {
+        self.offset + self.bytes
+    }
 }
 
 /// What earlier runs have done.
@@ -146,7 +160,7 @@ impl Past {
     /// How long the files must be at least to hold what is vouched for.
     pub fn ends(&self) -> Ends {
         let octree = self.built.values().filter_map(|b| b.at.map(|at| at + b.bytes)).max();
-        let risen = self.built.values().map(|b| b.root.offset + b.root.bytes).max();
+        let risen = self.built.values().map(|b| b.root.records.end().max(b.halo.end())).max();
         Ends { runs: self.runs_end, octree: octree.unwrap_or(0), risen: risen.unwrap_or(0) }
     }
 }

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use super::counting::Findings;
 use super::error::{Result, StageError};
 use super::journal::{self, Journal};
-use super::receipt::{Built, Ends, Identity, Past, Receipt, Risen};
+use super::receipt::{Built, Ends, Identity, Past, Receipt, Span};
 use crate::disk::{DirLock, Disk, DiskFile};
 
 const JOURNAL: &str = "journal";
@@ -33,7 +33,8 @@ pub struct Scratch {
     journal: Mutex<Journal>,
     /// Records of every slice, at places known beforehand.
     pub runs: DiskFile,
-    /// Records of chunks' roots, one behind the other as they come.
+    /// Records of chunks' roots and samples along their borders, one behind the
+    /// other as they come.
     risen: DiskFile,
     risen_end: AtomicU64,
     /// What earlier runs of this conversion did.
@@ -171,18 +172,18 @@ impl Scratch {
         }
     }
 
-    /// Keeps the records of a node until the merge; fills in where.
-    pub fn keep(&self, node: Risen, records: &[u8]) -> Result<Risen> {
-        let offset = self.risen_end.fetch_add(records.len() as u64, Ordering::Relaxed);
-        self.risen.write_all_at(records, offset)?;
-        Ok(Risen { offset, bytes: records.len() as u64, ..node })
+    /// Keeps bytes until the merge: records of a node, or samples along a border.
+    pub fn keep(&self, bytes: &[u8]) -> Result<Span> {
+        let offset = self.risen_end.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.risen.write_all_at(bytes, offset)?;
+        Ok(Span { offset, bytes: bytes.len() as u64 })
     }
 
-    /// The records of a node that was kept.
-    pub fn fetch(&self, risen: &Risen) -> Result<Vec<u8>> {
-        let mut records = vec![0; risen.bytes as usize];
-        self.risen.read_exact_at(&mut records, risen.offset)?;
-        Ok(records)
+    /// Bytes that were kept.
+    pub fn fetch(&self, span: Span) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; span.bytes as usize];
+        self.risen.read_exact_at(&mut bytes, span.offset)?;
+        Ok(bytes)
     }
 
     /// Puts a block that must wait for its turn into a file of its own, with its

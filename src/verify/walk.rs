@@ -82,8 +82,8 @@ pub fn walk(octree: &Octree, with_sum: bool) -> Walk {
 /// usual one.
 fn rule_of(octree: &Octree) -> Rule {
     match octree.metadata.generator.as_ref().map(|generator| generator.sampling.as_str()) {
-        Some("random") => Rule::Grid,
-        Some("poisson") | None => Rule::Poisson,
+        Some("random" | "nearest") => Rule::Grid,
+        Some("poisson" | "shells") | None => Rule::Poisson,
         Some(_) => Rule::None,
     }
 }

@@ -79,8 +79,8 @@ pub struct Generator {
     pub name: String,
     #[serde(default)]
     pub version: String,
-    /// `poisson`: no two points of an inner node closer than its spacing;
-    /// `random`: at most one in each cell of an inner node's 128³ grid.
+    /// `poisson`, `shells`: no two points of an inner node closer than its spacing;
+    /// `random`, `nearest`: at most one in each cell of an inner node's 128³ grid.
     #[serde(default)]
     pub sampling: String,
     /// Attributes of the inputs that were left out on request.
