@@ -51,10 +51,29 @@ impl Axis {
         Axis { better, ..self }
     }
 
-    /// Whether a value has a place on it.
+    /// Whether a value has a place on it. What is beyond these bounds is no
+    /// measurement, and steps between such values would not be numbers.
     pub(super) fn takes(&self, value: f64) -> bool {
-        value.is_finite() && (self.scale == Scale::Linear || value > 0.0)
+        match self.scale {
+            Scale::Linear => value == 0.0 || (1e-300..1e300).contains(&value.abs()),
+            Scale::Log => (1e-300..1e300).contains(&value),
+        }
     }
+
+    /// "time (ns)"
+    pub(super) fn words(&self) -> String {
+        named(&self.title, &self.unit)
+    }
+}
+
+impl Quantity {
+    pub(super) fn words(&self) -> String {
+        named(&self.title, &self.unit)
+    }
+}
+
+fn named(title: &str, unit: &str) -> String {
+    if unit.is_empty() { title.to_string() } else { format!("{title} ({unit})") }
 }
 
 /// A method: one mark, or several that belong together (budgets, settings).

@@ -19,6 +19,23 @@ pub mod pattern;
 pub mod scatter;
 pub mod table;
 
+mod canvas;
+mod drawing;
+mod figures;
+mod frame;
+mod front;
+mod grid;
+mod key;
+mod label;
+mod number;
+mod rect;
+mod ruler;
+mod shape;
+mod spots;
+mod style;
+mod text;
+mod ticks;
+
 pub use bars::{Bar, Bars, Group};
 pub use data::{Axis, Before, Better, Mark, Quantity, Scale, Series};
 pub use lines::{Lines, Panel, Reference};
@@ -26,6 +43,9 @@ pub use page::{Figure, Item, Page, Section};
 pub use pattern::{Pattern, Patterns};
 pub use scatter::Scatter;
 pub use table::{Cell, Column, Table};
+
+use canvas::Setting;
+use drawing::Drawing;
 
 /// Any chart.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,17 +59,31 @@ pub enum Chart {
 impl Chart {
     /// The chart as an `<svg>` for a page of ours, whose style it needs.
     pub fn svg(&self) -> String {
-        todo!()
+        self.drawing().svg(Setting::Page)
     }
 
-    /// The chart as a file of its own, with style and background.
+    /// The chart as a file of its own, with style, heading and background.
     pub fn svg_standalone(&self) -> String {
-        todo!()
+        self.drawing().svg(Setting::Alone)
     }
 
-    /// Its figures as a table; none where there is nothing to read in one.
-    pub fn table(&self) -> Option<Table> {
-        todo!()
+    /// Its figures as a table.
+    pub fn table(&self) -> Table {
+        match self {
+            Chart::Scatter(chart) => figures::scatter(chart),
+            Chart::Lines(chart) => figures::lines(chart),
+            Chart::Bars(chart) => figures::bars(chart),
+            Chart::Patterns(chart) => figures::patterns(chart),
+        }
+    }
+
+    fn drawing(&self) -> Drawing {
+        match self {
+            Chart::Scatter(chart) => chart.drawing(),
+            Chart::Lines(chart) => chart.drawing(),
+            Chart::Bars(chart) => chart.drawing(),
+            Chart::Patterns(chart) => chart.drawing(),
+        }
     }
 }
 
