@@ -101,7 +101,8 @@ impl Bars {
         frame::x_title(&mut canvas, &self.axis, MARGIN, WIDTH - MARGIN, bottom);
         let mut key = Key { entries: Vec::new(), notes: left_out.into_iter().collect() };
         if shown().any(|bar| bar.before.is_some_and(|before| self.axis.takes(before))) {
-            key.entries.push((Sign::Before, "from the earlier run".to_string()));
+            let sign = if self.axis.scale == Scale::Linear { Sign::Hollow } else { Sign::Before };
+            key.entries.push((sign, "the earlier run".to_string()));
         }
         bottom = key.draw(&mut canvas, [MARGIN, bottom + LINE - 3.0], WIDTH - 2.0 * MARGIN);
         Drawing::new(&self.title, canvas, bottom)
@@ -145,7 +146,15 @@ impl Bars {
                 end += DOT;
             }
         }
-        if let Some(before) = before.map(at) {
+        if let (Some(before), Scale::Linear) = (before.map(at), self.axis.scale) {
+            let zero = at(0.0);
+            canvas.rect(
+                "hollow",
+                [before.min(zero), y - THICK / 2.0 - 2.5],
+                [(before - zero).abs(), THICK + 5.0],
+            );
+            end = end.max(before);
+        } else if let Some(before) = before.map(at) {
             canvas.path("was", &shape::path(look, [before, y], DOT - 1.0));
             if (tip - before).abs() > DOT + 8.0 {
                 let start = before + (DOT - 1.0) * (tip - before).signum();
@@ -154,6 +163,7 @@ impl Bars {
             end = end.max(before + DOT);
         }
         if let Some([low, high]) = bar.spread.filter(|ends| ends.iter().all(|end| self.axis.takes(*end))) {
+            canvas.line("halo", [at(low), y], [at(high), y]);
             canvas.line("spread", [at(low), y], [at(high), y]);
             for end in [low, high].map(at) {
                 canvas.line("spread", [end, y - 3.0], [end, y + 3.0]);

@@ -84,6 +84,14 @@ impl Canvas {
         ));
     }
 
+    /// A title in bold, and a hint after it.
+    pub fn title(&mut self, [x, y]: [f64; 2], title: &str, hint: &str) {
+        let ([x, y], title, hint) = ([x, y].map(n), escaped(title), escaped(hint));
+        self.put(format_args!(
+            r#"<text class="better" x="{x}" y="{y}"><tspan class="name">{title}</tspan><tspan dx="14">{hint}</tspan></text>"#
+        ));
+    }
+
     /// What follows belongs together until `close`, and says so under the pointer.
     pub fn open(&mut self, class: &str, tooltip: &str) {
         self.put(format_args!(r#"<g class="{class}">"#));

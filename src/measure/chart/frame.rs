@@ -79,10 +79,7 @@ pub(super) fn y_title(canvas: &mut Canvas, axis: &Axis, at: [f64; 2], width: f64
     };
     let room = text::width(hint, LABEL) + 14.0;
     let title = text::fitted(&axis.words(), LABEL * BOLD, width - room);
-    canvas.text("title", at, Anchor::Start, &title);
-    if !hint.is_empty() {
-        canvas.text("better", [at[0] + text::width(&title, LABEL * BOLD) + 12.0, at[1]], Anchor::Start, hint);
-    }
+    canvas.title(at, &title, hint);
 }
 
 /// The title of a level axis, in its middle, and the hint at its good end.

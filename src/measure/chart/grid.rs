@@ -32,7 +32,7 @@ impl Grid {
 
     /// Most labels that the axes of a panel have room for.
     pub fn ticks(panels: usize) -> [usize; 2] {
-        [[9, 8], [6, 6], [5, 5]][Grid::columns(panels) - 1]
+        [[11, 9], [6, 6], [5, 5]][Grid::columns(panels) - 1]
     }
 
     pub fn rect(&self, number: usize) -> Rect {

@@ -18,6 +18,8 @@ pub(super) enum Sign {
     Off,
     /// Then and now.
     Before,
+    /// A bar then.
+    Hollow,
     /// An area.
     Circle(f64),
     None,
@@ -33,35 +35,49 @@ const GAP: f64 = 18.0;
 impl Key {
     /// Draws it from a place on, so wide, and says where it ends.
     pub fn draw(&self, canvas: &mut Canvas, [left, top]: [f64; 2], width: f64) -> f64 {
-        let (mut x, mut y, mut height) = (left, top, 0.0_f64);
-        for (sign, words) in &self.entries {
-            let own = sign.width();
-            let words = text::fitted(words, TICK, width - own);
-            let wide = own + text::width(&words, TICK);
-            if x > left && x + wide > left + width {
-                (x, y, height) = (left, y + height + 4.0, 0.0);
+        let mut y = top;
+        for row in self.rows(width) {
+            let height = row.iter().map(|(sign, _)| sign.height()).fold(0.0, f64::max);
+            // All signs of a row stand on one line, be some circles large.
+            let (mut x, middle) = (left, y + height / 2.0);
+            for (sign, words) in row {
+                sign.draw(canvas, [x, middle]);
+                canvas.text("key", [x + sign.width(), middle + TICK * 0.36], Anchor::Start, &words);
+                x += sign.width() + text::width(&words, TICK) + GAP;
             }
-            let tall = sign.height();
-            // Signs of a row stand on one line, large circles among them.
-            let middle = y + height.max(tall) / 2.0;
-            height = height.max(tall);
-            sign.draw(canvas, [x, middle]);
-            canvas.text("key", [x + own, middle + TICK * 0.36], Anchor::Start, &words);
-            x += wide + GAP;
+            y += height + 4.0;
         }
-        y += height;
         for line in self.notes.iter().flat_map(|note| text::wrapped(note, TICK, width)) {
             y += LINE;
             canvas.text("note", [left, y], Anchor::Start, &line);
         }
         y
     }
+
+    /// As many entries a row as fit; longer words are cut.
+    fn rows(&self, width: f64) -> Vec<Vec<(&Sign, String)>> {
+        let mut rows: Vec<Vec<(&Sign, String)>> = Vec::new();
+        let mut room = 0.0;
+        for (sign, words) in &self.entries {
+            let words = text::fitted(words, TICK, width - sign.width());
+            let own = sign.width() + text::width(&words, TICK);
+            match rows.last_mut().filter(|_| own <= room) {
+                Some(row) => row.push((sign, words)),
+                None => {
+                    rows.push(vec![(sign, words)]);
+                    room = width;
+                }
+            }
+            room -= own + GAP;
+        }
+        rows
+    }
 }
 
 impl Sign {
     fn width(&self) -> f64 {
         match self {
-            Sign::Look { line: true, .. } | Sign::Line(_) | Sign::Before => 34.0,
+            Sign::Look { line: true, .. } | Sign::Line(_) | Sign::Before | Sign::Hollow => 34.0,
             Sign::Look { .. } | Sign::Off => 18.0,
             Sign::Circle(radius) => 2.0 * radius + 6.0,
             Sign::None => 0.0,
@@ -94,6 +110,7 @@ impl Sign {
                 canvas.path("was", &shape::path(0, [x + 4.0, y], 3.5));
                 canvas.path("arrow", &super::spots::arrow([x + 8.0, y], [x + 27.0, y]));
             }
+            Sign::Hollow => canvas.rect("hollow", [x, y - 6.0], [28.0, 12.0]),
             Sign::Circle(radius) => canvas.circle("was", [x + radius, y], *radius),
             Sign::None => {}
         }

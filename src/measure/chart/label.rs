@@ -33,6 +33,8 @@ const ON_LINE: f64 = 12.0;
 const LEADER: f64 = 10.0;
 const LEADER_OVER_MARK: f64 = 60.0;
 const LEADER_OVER_LINE: f64 = 6.0;
+/// Nearer to another mark than to its own, it would be read as that one's.
+const STRANGE: f64 = 15.0;
 const ROUNDS: usize = 3;
 
 /// A place for each wish within a frame, apart from blocks, and rather not on lines.
@@ -120,7 +122,18 @@ impl Site<'_> {
         // Beside a mark a label is read with it; above and below it may be another's.
         let aside = (place.rect.middle()[1] - wish.at[1]).abs() * 0.25;
         let left = if place.rect.middle()[0] < wish.at[0] { 1.5 } else { 0.0 };
-        Some(distance + aside + left + crossed.min(4.0) * ON_LINE + self.leader_cost(wish, place)?)
+        let far = |at: [f64; 2]| {
+            let [x, y] = place.rect.nearest(at);
+            (x - at[0]).hypot(y - at[1])
+        };
+        let own = (x - wish.at[0]).hypot(y - wish.at[1]);
+        let near = |block: &&Rect| !block.contains(wish.at) && far(block.middle()) < own + 4.0;
+        let strange = if place.leader.is_none() && self.blocks.iter().any(|block| near(&block)) {
+            STRANGE
+        } else {
+            0.0
+        };
+        Some(distance + aside + left + strange + crossed.min(4.0) * ON_LINE + self.leader_cost(wish, place)?)
     }
 
     fn leader_cost(&self, wish: &Wish, place: &Place) -> Option<f64> {
@@ -149,5 +162,70 @@ impl Site<'_> {
             Some((self.cost(wish, &place)?, place))
         });
         places.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, place)| place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn wish(x: f64, y: f64, width: f64) -> Wish {
+        Wish { at: [x, y], radius: 5.0, width, height: 16.0 }
+    }
+
+    fn blocks(wishes: &[Wish]) -> Vec<Rect> {
+        wishes.iter().map(|wish| Rect::around(wish.at, wish.radius)).collect()
+    }
+
+    const FRAME: Rect = Rect { left: 0.0, top: 0.0, right: 600.0, bottom: 400.0 };
+
+    #[test]
+    fn a_label_stands_beside_its_mark() {
+        for (x, left) in [(300.0, false), (590.0, true)] {
+            let wishes = [wish(x, 200.0, 80.0)];
+            let places = place(&wishes, FRAME, &blocks(&wishes), &[]);
+            let place = places[0].as_ref().unwrap();
+            assert_eq!(place.rect.right < x, left);
+            assert_eq!(place.rect.middle()[1], 200.0);
+            assert_eq!(place.leader, None);
+        }
+    }
+
+    #[test]
+    fn a_label_rather_stands_beside_a_line_than_on_it() {
+        let wishes = [wish(300.0, 200.0, 80.0)];
+        let line = Segment { from: [300.0, 200.0], to: [600.0, 200.0] };
+        let places = place(&wishes, FRAME, &blocks(&wishes), &[line]);
+        assert!(!line.meets(&places[0].as_ref().unwrap().rect));
+    }
+
+    #[test]
+    fn what_has_no_room_is_left_out() {
+        let wishes = [wish(20.0, 10.0, 900.0), wish(20.0, 10.0, 40.0)];
+        let places = place(&wishes, FRAME, &blocks(&wishes), &[]);
+        assert!(places[0].is_none() && places[1].is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn labels_keep_apart(
+            marks in prop::collection::vec((5.0..595.0, 5.0..395.0, 10.0..160.0), 0..30),
+            crowded: bool,
+        ) {
+            let shrink = if crowded { 0.1 } else { 1.0 };
+            let wishes: Vec<Wish> =
+                marks.iter().map(|(x, y, width)| wish(300.0 + (x - 300.0) * shrink, 200.0 + (y - 200.0) * shrink, *width)).collect();
+            let blocks = blocks(&wishes);
+            let places = place(&wishes, FRAME, &blocks, &[]);
+            prop_assert!(wishes.len() > 10 || places.iter().all(Option::is_some), "ten have room");
+            let rects: Vec<Rect> = places.into_iter().flatten().map(|place| place.rect).collect();
+            for (at, rect) in rects.iter().enumerate() {
+                prop_assert!(FRAME.holds(rect));
+                prop_assert!(!blocks.iter().any(|block| block.meets(rect)));
+                prop_assert!(!rects[at + 1..].iter().any(|other| other.meets(rect)));
+            }
+        }
     }
 }

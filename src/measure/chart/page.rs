@@ -50,7 +50,7 @@ impl Page {
         let title = escaped(&self.title);
         let sections: String = self.sections.iter().enumerate().map(|(at, part)| part.html(at)).collect();
         format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n\
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <meta name=\"color-scheme\" content=\"light dark\"/>\n\
              <link rel=\"icon\" href=\"data:,\"/>\n\

@@ -94,3 +94,28 @@ impl Segment {
             }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_meet_what_they_touch() {
+        let rect = Rect::new([10.0, 10.0], [20.0, 10.0]);
+        let meets = |from, to| Segment { from, to }.meets(&rect);
+        assert!(meets([0.0, 15.0], [40.0, 15.0]), "through");
+        assert!(meets([0.0, 0.0], [12.0, 12.0]), "into");
+        assert!(meets([15.0, 12.0], [20.0, 14.0]), "inside");
+        assert!(meets([5.0, 15.0], [15.0, 5.0]), "over a corner");
+        assert!(!meets([0.0, 14.0], [14.0, 0.0]), "past a corner");
+        assert!(!meets([0.0, 15.0], [9.0, 15.0]), "before");
+    }
+
+    #[test]
+    fn segments_cross_only_between_their_ends() {
+        let line = Segment { from: [0.0, 0.0], to: [10.0, 10.0] };
+        assert!(line.crosses(&Segment { from: [0.0, 10.0], to: [10.0, 0.0] }));
+        assert!(!line.crosses(&Segment { from: [0.0, 10.0], to: [4.0, 6.0] }));
+        assert!(!line.crosses(&Segment { from: [1.0, 0.0], to: [11.0, 10.0] }));
+    }
+}

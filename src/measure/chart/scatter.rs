@@ -42,7 +42,7 @@ impl Scatter {
         };
         let x = values(|mark| [mark.x, mark.before.map_or(mark.x, |before| before.x)]);
         let y = values(|mark| [mark.y, mark.before.map_or(mark.y, |before| before.y)]);
-        let rulers = (Ruler::new(&self.x, x, 9), Ruler::new(&self.y, y, 8));
+        let rulers = (Ruler::new(&self.x, x, 11), Ruler::new(&self.y, y, 9));
         let left_out = spots::left_out(self.series.iter(), &self.x, &self.y);
         let (Some(x), Some(y)) = rulers else { return Drawing::empty(&self.title, left_out) };
 
@@ -126,7 +126,7 @@ impl Scatter {
     fn key(&self, spots: &[Spot], front: bool) -> Key {
         let mut entries = Vec::new();
         if front {
-            entries.push((Sign::Line("front"), "front: nothing is better in both".to_string()));
+            entries.push((Sign::Line("front"), "front: nothing beats it in both".to_string()));
         }
         if spots.iter().any(|spot| spot.beaten.is_some()) {
             entries.push((Sign::Off, "lighter: beaten".to_string()));

@@ -44,6 +44,11 @@ pub(super) fn path(look: usize, [x, y]: [f64; 2], radius: f64) -> String {
     path
 }
 
+/// How far a mark reaches from its middle.
+pub(super) fn reach(look: usize, radius: f64) -> f64 {
+    radius * [1.0, 1.26, 1.56, 1.45, 1.56, 1.28, 1.68, 1.28][look % LOOKS]
+}
+
 /// Corners on the unit circle, turned, with others between them at a share of the
 /// distance from the centre (no more than where they would lie on the edge).
 fn star(points: usize, turn: f64, inner: f64) -> Vec<[f64; 2]> {
@@ -67,4 +72,28 @@ fn cross(turn: f64) -> Vec<[f64; 2]> {
 fn area(corners: &[[f64; 2]]) -> f64 {
     let next = corners.iter().cycle().skip(1);
     corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>().abs() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of a path, in pairs.
+    fn corners(path: &str) -> Vec<[f64; 2]> {
+        let numbers: Vec<f64> =
+            path.split(|c: char| "MLz ".contains(c)).filter_map(|part| part.parse().ok()).collect();
+        numbers.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+    }
+
+    #[test]
+    fn shapes_of_one_radius_are_as_large_and_reach_as_far_as_they_say() {
+        for look in 1..LOOKS {
+            let corners = corners(&path(look, [0.0, 0.0], 100.0));
+            let circle = PI * 100.0 * 100.0;
+            assert!((area(&corners) / circle - 1.0).abs() < 0.01, "{look}: {}", area(&corners));
+            let far = corners.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+            let told = reach(look, 100.0);
+            assert!(far <= told && told < far + 2.0, "{look}: {far} and not {told}");
+        }
+    }
 }

@@ -41,15 +41,19 @@ fn missing(mark: &Mark, x: &Axis, y: &Axis) -> Option<String> {
     })
 }
 
-/// What cannot be drawn, in a sentence; a few by name, the rest by number.
+/// What cannot be drawn, in a sentence.
 pub(super) fn left_out<'a>(series: impl Iterator<Item = &'a Series>, x: &Axis, y: &Axis) -> Option<String> {
-    let named = series.flat_map(|series| {
-        series
-            .marks
-            .iter()
-            .filter_map(move |mark| Some(format!("{} ({})", called(series, mark), missing(mark, x, y)?)))
-    });
-    told("not shown", named.collect())
+    told("not shown", series.flat_map(|series| lost(series, x, y)).collect())
+}
+
+/// The marks of a series that have no place, one by one where they are few.
+fn lost(series: &Series, x: &Axis, y: &Axis) -> Vec<String> {
+    let lost = series.marks.iter().filter_map(|mark| Some((mark, missing(mark, x, y)?)));
+    let lost: Vec<(&Mark, String)> = lost.collect();
+    match &lost[..] {
+        [(_, first), _, _, ..] => vec![format!("{} marks of {} (first: {first})", lost.len(), series.name)],
+        few => few.iter().map(|(mark, why)| format!("{} ({why})", called(series, mark))).collect(),
+    }
 }
 
 /// "not shown: a, b and 3 more"
@@ -124,10 +128,14 @@ impl Spot<'_> {
             canvas.path("arrow", &arrow(way.from, way.to));
         }
         if self.mark.default {
-            canvas.circle("ring", self.at, self.radius + RING);
+            canvas.circle("ring", self.at, self.reach() - 1.0);
+        }
+        let shape = shape::path(self.look, self.at, self.radius);
+        if self.beaten.is_some() {
+            canvas.path("under", &shape);
         }
         let mark = if self.beaten.is_some() { "mark off" } else { "mark" };
-        canvas.path(mark, &shape::path(self.look, self.at, self.radius));
+        canvas.path(mark, &shape);
         canvas.close();
     }
 
@@ -158,7 +166,7 @@ impl Spot<'_> {
 
     /// As far as it reaches, ring included.
     pub fn reach(&self) -> f64 {
-        self.radius + if self.mark.default { RING + 1.0 } else { 1.0 }
+        shape::reach(self.look, self.radius) + if self.mark.default { RING + 1.0 } else { 1.0 }
     }
 }
 
@@ -183,7 +191,8 @@ fn words(spots: &[Spot]) -> Vec<Option<(String, String)>> {
 /// Draws the labels of marks, and names those for which there was no room.
 pub(super) fn labels(canvas: &mut Canvas, spots: &[Spot], within: Rect, lines: &[Segment]) -> Vec<String> {
     let mut blocks: Vec<Rect> = spots.iter().map(|spot| Rect::around(spot.at, spot.reach())).collect();
-    blocks.extend(spots.iter().filter_map(|spot| spot.before).map(|(at, radius)| Rect::around(at, radius)));
+    let were = spots.iter().filter_map(|spot| Some((spot.look, spot.before?)));
+    blocks.extend(were.map(|(look, (at, radius))| Rect::around(at, shape::reach(look, radius))));
     let mut lines = lines.to_vec();
     lines.extend(spots.iter().filter_map(Spot::way));
     let most = within.width() * 0.6;

@@ -48,6 +48,7 @@ pub(super) fn alone() -> String {
 
 /// Sizes of text are those that `frame` reckons with.
 pub(super) const CHART: &str = "\
+.chart{--c:var(--soft)}
 .chart text{font:12px system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif;fill:var(--soft);\
 paint-order:stroke;stroke:var(--paper);stroke-width:3px;stroke-linejoin:round}
 .chart .label,.chart .title,.chart .better{font-size:13px}
@@ -57,19 +58,22 @@ paint-order:stroke;stroke:var(--paper);stroke-width:3px;stroke-linejoin:round}
 .chart path,.chart circle,.chart .frame{fill:none;stroke-linejoin:round;stroke-linecap:round}
 .chart .frame{stroke:var(--grid)}
 .chart .grid{stroke:var(--grid)}
-.chart .minor{stroke:var(--grid);stroke-width:.5}
+.chart .minor{stroke:var(--grid);stroke-width:.5;stroke-opacity:.7}
 .chart .line{stroke:var(--c);stroke-width:2;stroke-linecap:butt}
 .chart .join{stroke:var(--c);stroke-width:1.2}
 .chart .mark{fill:var(--c);stroke:var(--paper);stroke-width:1}
 .chart .off{fill-opacity:.28;stroke:var(--c)}
+.chart .under{fill:var(--paper)}
 .chart .ring{stroke:var(--ink);stroke-width:1.6}
-.chart .was{stroke:var(--c,var(--soft));stroke-width:1.2}
-.chart .arrow{stroke:var(--c,var(--soft));stroke-width:1}
+.chart .was{stroke:var(--c);stroke-width:1.2}
+.chart .arrow{stroke:var(--c);stroke-width:1}
 .chart .leader{stroke:var(--soft);stroke-width:.7}
 .chart .front{stroke:var(--soft);stroke-width:1.4;stroke-dasharray:5 3}
 .chart .behind{fill:var(--soft);fill-opacity:.06}
 .chart .level{stroke:var(--ink);stroke-width:1;stroke-dasharray:2 3}
-.chart .bar{fill:var(--c)}
+.chart .bar{fill:var(--c);stroke:none}
+.chart .hollow{fill:none;stroke:var(--c);stroke-width:1.2;stroke-dasharray:3 2}
+.chart .halo{stroke:var(--paper);stroke-width:4;stroke-opacity:.7}
 .chart .spread{stroke:var(--ink);stroke-width:1.2}
 .chart .dots{stroke:var(--ink)}
 .chart .marked{stroke:var(--l1)}
@@ -106,3 +110,72 @@ dt{font-weight:600}dd{margin:0;overflow-wrap:anywhere}
 @media print{nav,summary{display:none}.plot,.wide{overflow:visible}.chart{min-width:0}\
 details::details-content{content-visibility:visible;display:block}}
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Colour = [f64; 3];
+
+    fn linear(hex: &str) -> Colour {
+        [1, 3, 5].map(|at| {
+            let value = f64::from(u8::from_str_radix(&hex[at..at + 2], 16).unwrap()) / 255.0;
+            if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+        })
+    }
+
+    fn times(matrix: [[f64; 3]; 3], colour: Colour) -> Colour {
+        matrix.map(|row| row.iter().zip(colour).map(|(a, b)| a * b).sum())
+    }
+
+    fn contrast(a: &str, b: &str) -> f64 {
+        let light = |hex| times([[0.2126, 0.7152, 0.0722], [0.0; 3], [0.0; 3]], linear(hex))[0] + 0.05;
+        let (a, b) = (light(a), light(b));
+        a.max(b) / a.min(b)
+    }
+
+    /// As one sees who has all cones, or lacks one kind (Machado, Oliveira and
+    /// Fernandes 2009, complete dichromacy).
+    const EYES: [[[f64; 3]; 3]; 4] = [
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    ];
+
+    /// A space where distances are about as large as they look (Ottosson 2020).
+    fn oklab(colour: Colour) -> Colour {
+        let cones = times(
+            [
+                [0.412_221_470_8, 0.536_332_536_3, 0.051_445_992_9],
+                [0.211_903_498_2, 0.680_699_545_1, 0.107_396_956_6],
+                [0.088_302_461_9, 0.281_718_837_6, 0.629_978_700_5],
+            ],
+            colour.map(|part| part.max(0.0)),
+        );
+        times(
+            [
+                [0.210_454_255_3, 0.793_617_785, -0.004_072_046_8],
+                [1.977_998_495_1, -2.428_592_205, 0.450_593_709_9],
+                [0.025_904_037_1, 0.782_771_766_2, -0.808_675_766],
+            ],
+            cones.map(f64::cbrt),
+        )
+    }
+
+    #[test]
+    fn colours_stand_out_and_differ_for_all_eyes() {
+        for theme in [&LIGHT, &DARK] {
+            assert!(contrast(theme.ink, theme.paper) > 12.0);
+            assert!(contrast(theme.soft, theme.paper) > 4.5);
+            for (at, look) in theme.looks.iter().enumerate() {
+                assert!(contrast(look, theme.paper) >= 3.0, "{look} on {}", theme.paper);
+                for (other, eye) in theme.looks[..at].iter().flat_map(|other| EYES.map(|eye| (other, eye))) {
+                    let [a, b] = [look, other].map(|hex| oklab(times(eye, linear(hex))));
+                    let apart = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                    assert!(apart > 0.07, "{look} and {other} are {apart} apart");
+                }
+            }
+        }
+    }
+}

@@ -12,6 +12,7 @@ pub(super) struct Ticks {
     pub high: f64,
     /// Values with their labels, rising.
     pub major: Vec<(f64, String)>,
+    /// Where a logarithmic axis has lines between.
     pub minor: Vec<f64>,
 }
 
@@ -61,15 +62,13 @@ fn linear(low: f64, high: f64, most: usize) -> Ticks {
         step = Round(step.0 + 1);
     }
     let (first, last) = ends(step);
-    let parts = if step.mantissa() == 2 { 4.0 } else { 5.0 };
     let size = step.value();
     let values: Vec<f64> = count(first, last).map(|k| k * size).collect();
     let labels = number::multiples(&values, size);
-    let minor = count(first * parts, last * parts).filter(|k| k % parts != 0.0).map(|k| k / parts * size);
     Ticks {
         low: first * size,
         high: last * size,
-        minor: minor.collect(),
+        minor: Vec::new(),
         major: values.into_iter().zip(labels).collect(),
     }
 }
@@ -140,4 +139,73 @@ fn floor_125(value: f64) -> Round {
 fn ceil_125(value: f64) -> Round {
     let round = floor_125(value);
     if round.value() < value { Round(round.0 + 1) } else { round }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn labels(axis: &Axis, values: &[f64], most: usize) -> Vec<String> {
+        let ticks = ticks(axis, values.iter().copied(), most).unwrap();
+        ticks.major.into_iter().map(|(_, label)| label).collect()
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        let (linear, log) = (Axis::linear("", ""), Axis::log("", ""));
+        assert_eq!(labels(&linear, &[3.0, 97.0], 6), ["0", "20", "40", "60", "80", "100"]);
+        assert_eq!(labels(&linear, &[9.7, 10.4], 5), ["9.6", "9.8", "10.0", "10.2", "10.4"]);
+        assert_eq!(labels(&linear, &[-1.0, 1.0], 6), ["−1.0", "−0.5", "0.0", "0.5", "1.0"]);
+        assert_eq!(labels(&log, &[12.6, 310.0], 9), ["10", "20", "50", "100", "200", "500"]);
+        assert_eq!(labels(&log, &[0.003, 40.0], 6), ["0.01", "0.1", "1", "10"]);
+        // Less than a decade.
+        assert_eq!(labels(&log, &[95.0, 105.0], 6), ["94", "96", "98", "100", "102", "104", "106"][..0]);
+    }
+
+    #[test]
+    fn equal_values_and_none() {
+        let (linear, log) = (Axis::linear("", ""), Axis::log("", ""));
+        assert_eq!(labels(&linear, &[0.0, 0.0], 6), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(&log, &[7.0], 6), ["2", "5", "10", "20"]);
+        assert!(ticks(&linear, [f64::NAN, f64::INFINITY].into_iter(), 6).is_none());
+        assert!(ticks(&log, [0.0, -1.0].into_iter(), 6).is_none());
+        assert!(ticks(&log, [].into_iter(), 6).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn ticks_cover_what_there_is(
+            values in prop::collection::vec(prop_oneof![any::<f64>(), -1e3..1e3, 1e-9..1e9], 1..6),
+            log: bool,
+            most in 4_usize..12,
+        ) {
+            let axis = if log { Axis::log("", "") } else { Axis::linear("", "") };
+            let shown: Vec<f64> = values.iter().copied().filter(|value| axis.takes(*value)).collect();
+            let Some(ticks) = ticks(&axis, values.into_iter(), most) else {
+                return Err(TestCaseError::reject("nothing to show")).or_else(|e| if shown.is_empty() { Ok(()) } else { Err(e) });
+            };
+            prop_assert!(ticks.low < ticks.high && ticks.low.is_finite() && ticks.high.is_finite());
+            for value in shown {
+                // But for the last bits, which no pixel shows.
+                let slack = 1e-8 * value.abs();
+                prop_assert!(ticks.low - slack <= value && value <= ticks.high + slack, "{value} in {ticks:?}");
+            }
+            prop_assert!((2..=most).contains(&ticks.major.len()), "{ticks:?}");
+            prop_assert!(ticks.major.windows(2).all(|pair| pair[0].0 < pair[1].0), "{ticks:?}");
+            prop_assert!(ticks.major.windows(2).all(|pair| pair[0].1 != pair[1].1), "{ticks:?}");
+            let within = |value: f64| (ticks.low..=ticks.high).contains(&value);
+            prop_assert!(ticks.major.iter().all(|(value, _)| within(*value)), "{ticks:?}");
+            prop_assert!(ticks.minor.iter().all(|value| within(*value)), "{ticks:?}");
+        }
+
+        #[test]
+        fn steps_are_one_two_or_five(low in -1e6..1e6, width in 1e-3..1e6, most in 4_usize..12) {
+            let ticks = ticks(&Axis::linear("", ""), [low, low + width].into_iter(), most).unwrap();
+            let step = (ticks.high - ticks.low) / (ticks.major.len() - 1) as f64;
+            let mantissa = step / 10_f64.powf((step * 1.000_001).log10().floor());
+            prop_assert!([1.0, 2.0, 5.0].iter().any(|round| (mantissa - round).abs() < 1e-4), "{step}");
+        }
+    }
 }
