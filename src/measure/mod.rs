@@ -5,6 +5,7 @@
 //! One command a person runs, `lodestone report`, comes through here; so does
 //! the benchmark of conversions.
 
+pub mod chart;
 pub mod flip;
 pub mod process;
 pub mod sampling;
