@@ -89,3 +89,73 @@ fn stopped_by_a_signal_it_leaves_nothing_behind() {
     assert!(said.contains("stopped on request"), "{said}");
     assert_eq!(fs::read_dir(&temp).unwrap().count(), 0, "something stays behind");
 }
+
+/// Two runs over tiny clouds, the second beside the first: a page with all charts,
+/// figures that can be read again, and nothing left behind.
+#[test]
+fn speed_against_accuracy_is_charted_and_held_against_an_earlier_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("temp")).unwrap();
+    let own = at("own cloud.las");
+    let report = |page: &str, more: &[&str]| {
+        let run = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+            .args(["report", "--points", "40k", "--rounds", "1", "--scenes", "terrain"])
+            .arg("--temp-dir")
+            .arg(at("temp"))
+            .arg("-o")
+            .arg(at(page))
+            .args(more)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(0), "{said}");
+        assert_eq!(fs::read_dir(at("temp")).unwrap().count(), 0, "temporary files stay");
+        (fs::read_to_string(at(page)).unwrap(), String::from_utf8(run.stdout).unwrap())
+    };
+    let synth = ["synth", "object", "--points", "30k", "-o"];
+    let made = Command::new(env!("CARGO_BIN_EXE_lodestone")).args(synth).arg(&own).status().unwrap();
+    assert!(made.success());
+    let (first, printed) = report("first.html", &[]);
+    // A chart for the cloud, patterns, spectra, samplers, two of renderers.
+    assert_eq!(first.matches("<svg").count(), 1 + 3 + 2);
+    assert!(first.contains("terrain, 40 000 points") && !first.contains("NaN"), "{first}");
+    assert!(printed.contains("holds") && printed.contains("first.json"), "{printed}");
+
+    let figures: serde_json::Value = serde_json::from_slice(&fs::read(at("first.json")).unwrap()).unwrap();
+    let scene = &figures["scenes"][0];
+    let names: Vec<_> = scene["methods"].as_array().unwrap().iter().map(|method| &method["method"]).collect();
+    assert_eq!(names[..2], ["poisson", "shells"]);
+    for method in scene["methods"].as_array().unwrap() {
+        assert!(
+            method["cpu"]["median"].as_f64().unwrap() > 0.0 && method["peak"].as_u64().unwrap() > 1 << 20
+        );
+        let pictures = method["pictures"].as_array().unwrap();
+        assert!(pictures.len() == 2 * 4 && pictures.iter().all(|it| it["error"].as_f64().unwrap() < 60.0));
+    }
+    // All points of a cloud so small are in every picture: drawn as the picture that
+    // it is held against, it errs not at all.
+    let best =
+        scene["renderers"].as_array().unwrap().iter().find(|it| it["style"] == "high quality").unwrap();
+    let last = best["pictures"].as_array().unwrap().iter().filter(|it| it["picture"]["budget"] == 1_500_000);
+    assert!(
+        last.into_iter().all(|it| it["picture"]["error"] == 0.0 && it["draw_ms"].as_f64().unwrap() > 0.0)
+    );
+
+    let (before, chart) = (at("first.json"), at("chart.svg"));
+    let more =
+        ["--against", before.to_str().unwrap(), "--chart", chart.to_str().unwrap(), own.to_str().unwrap()];
+    let (second, _) = report("second.html", &more);
+    assert_eq!(second.matches("<svg").count(), 2 + 3 + 2);
+    assert!(second.contains("own cloud, 30 000 points") && !second.contains("NaN"), "{second}");
+    assert!(second.contains("before") && second.contains("%"), "nothing of the first run");
+    assert!(fs::read_to_string(chart).unwrap().contains("poisson"));
+
+    let refused = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+        .args(["report", "--against"])
+        .arg(at("second.html"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(1) && said.contains("second.html: this is no report"), "{said}");
+}

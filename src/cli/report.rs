@@ -6,36 +6,51 @@ use std::path::{Path, PathBuf};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Exit, failed};
-use crate::measure::stability::{self, Row, Step, Wishes};
+use crate::measure::compare;
+use crate::measure::means::{Means, MeasureError, Step};
+use crate::measure::stability::{self, Row};
 use crate::stage::context::Cancel;
 use crate::stage::machine;
 use crate::synth::Kind;
 
-/// Measure this program: scenes that break converters, beside one that does not
+/// Measure this program: speed against accuracy of its methods, or its stability
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The stability table: every scene by both samplers, what became of it and what it cost
-    #[arg(long, required = true)]
-    stability: bool,
-    /// Points of each scene; 20M is understood
-    #[arg(long, value_name = "N", default_value = "5M", value_parser = super::synth::count)]
-    points: u64,
-    /// Also the failing scenes as large as the papers have them: up to 40 million points, and half
-    /// an hour
+    /// LAS or LAZ files, or folders that hold some, to be measured beside the scenes
+    #[arg(value_name = "CLOUD", conflicts_with = "stability")]
+    clouds: Vec<PathBuf>,
+    /// For an impression: scenes of 2 million points, in minutes (this is the default)
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// For the record: scenes of 20 million points, in an hour. With --stability also the failing
+    /// scenes as large as the papers have them, up to 40 million points
     #[arg(long)]
     full: bool,
+    /// Instead: the stability table, every scene that breaks converters by both samplers, what became
+    /// of it and what it cost
+    #[arg(long)]
+    stability: bool,
+    /// Points of each scene; 20M is understood
+    #[arg(long, value_name = "N", value_parser = super::synth::count)]
+    points: Option<u64>,
     /// Only these scenes
     #[arg(long, value_delimiter = ',', value_name = "SCENES")]
     scenes: Vec<Kind>,
-    /// Conversions a row; their median counts
+    /// Conversions a method or row; their median counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=99))]
     rounds: u16,
-    /// Write the table as a page of Markdown
+    /// The page to write: HTML, by default lodestone-report.html; with --stability Markdown
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Write the figures as JSON
+    /// The figures as JSON; by default beside the page
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// The main chart as a picture of its own, SVG
+    #[arg(long, value_name = "FILE", conflicts_with = "stability")]
+    chart: Option<PathBuf>,
+    /// Figures of an earlier report, to be shown beside the new ones
+    #[arg(long, value_name = "FILE", conflicts_with = "stability")]
+    against: Option<PathBuf>,
     /// Where clouds and octrees go until they are measured; the system's folder for temporary
     /// files if not given
     #[arg(long, value_name = "DIR")]
@@ -50,55 +65,93 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(program) => program,
         Err(error) => return failed(&error),
     };
-    let wishes = Wishes {
+    let means = Means {
         program,
-        points: arguments.points,
-        full: arguments.full,
-        scenes: arguments.scenes,
-        rounds: usize::from(arguments.rounds),
-        folder: arguments.temp_dir.unwrap_or_else(std::env::temp_dir),
         threads: arguments.threads.map_or_else(machine::threads, usize::from),
+        rounds: usize::from(arguments.rounds),
+        folder: arguments.temp_dir.clone().unwrap_or_else(std::env::temp_dir),
         cancel: Cancel::default(),
     };
     // Clouds of gigabytes are not to stay behind when somebody has waited enough.
-    crate::daemon::signals::cancel_on_signal(&wishes.cancel);
+    crate::daemon::signals::cancel_on_signal(&means.cancel);
+    let outcome = match arguments.stability {
+        true => stability(arguments, means),
+        false => comparison(arguments, means),
+    };
+    outcome.unwrap_or_else(|error| failed(&error))
+}
+
+fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
+    let mut wishes = match arguments.full {
+        true => compare::Wishes::full(means),
+        false => compare::Wishes::quick(means),
+    };
+    wishes.points = arguments.points.unwrap_or(wishes.points);
+    wishes.clouds = arguments.clouds;
+    if !arguments.scenes.is_empty() {
+        wishes.scenes = arguments.scenes;
+    }
+    // Read first: an hour is too long to find out that it is no report.
+    let before = arguments.against.as_deref().map(compare::read).transpose()?;
     let bar = bar();
-    let say = |step: Step| {
-        bar.set_length(step.of as u64);
-        bar.set_position(step.done as u64);
-        bar.set_message(step.what);
-    };
-    let shown = |row: &Row| bar.suspend(|| println!("{}", stability::plain(row)));
-    let table = stability::measure(&wishes, &say, &shown);
+    let report = compare::measure(&wishes, &|step| show(&bar, step));
     bar.finish_and_clear();
-    let table = match table {
-        Ok(table) => table,
-        Err(error) => return failed(&error),
+    let report = report?;
+
+    let page = arguments.output.unwrap_or_else(|| PathBuf::from("lodestone-report.html"));
+    let json = arguments.json.unwrap_or_else(|| page.with_extension("json"));
+    write(&page, &compare::page(&report, before.as_ref()).html())?;
+    write(&json, &json_of(&report))?;
+    if let (Some(path), Some(chart)) = (&arguments.chart, compare::main_chart(&report)) {
+        write(path, &chart.svg_standalone())?;
+    }
+    for finding in compare::findings(&report) {
+        println!("{} {}", if finding.holds { "holds        " } else { "DOES NOT HOLD" }, finding.words);
+    }
+    println!("the page is {}, its figures are in {}", page.display(), json.display());
+    Ok(Exit::Done)
+}
+
+fn stability(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
+    let wishes = stability::Wishes {
+        means,
+        points: arguments.points.unwrap_or(5_000_000),
+        full: arguments.full,
+        scenes: arguments.scenes,
     };
-    let json = serde_json::to_string_pretty(&table).unwrap_or_default() + "\n";
-    let written = [(arguments.output, stability::markdown(&table)), (arguments.json, json)];
+    let bar = bar();
+    let shown = |row: &Row| bar.suspend(|| println!("{}", stability::plain(row)));
+    let table = stability::measure(&wishes, &|step| show(&bar, step), &shown);
+    bar.finish_and_clear();
+    let table = table?;
+    let written = [(arguments.output, stability::markdown(&table)), (arguments.json, json_of(&table))];
     for (path, text) in written.into_iter().filter_map(|(path, text)| Some((path?, text))) {
-        if let Err(exit) = write(&path, &text) {
-            return exit;
-        }
+        write(&path, &text)?;
     }
     // A miss is a finding, not a failure; a point lost or a scene not done is.
     match table.rows.iter().all(|row| row.exact) {
-        true => Exit::Done,
-        false => Exit::Failed,
+        true => Ok(Exit::Done),
+        false => Ok(Exit::Failed),
     }
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Exit> {
-    std::fs::write(path, text).map_err(|error| {
-        eprintln!("lodestone: could not write {}: {error}", path.display());
-        Exit::Failed
-    })
+fn json_of(figures: &impl serde::Serialize) -> String {
+    serde_json::to_string_pretty(figures).unwrap_or_default() + "\n"
+}
+
+fn write(path: &Path, text: &str) -> Result<(), MeasureError> {
+    std::fs::write(path, text).map_err(|source| MeasureError::Write { path: path.to_path_buf(), source })
+}
+
+fn show(bar: &ProgressBar, step: Step) {
+    bar.set_length(step.of as u64);
+    bar.set_position(step.done as u64);
+    bar.set_message(step.what);
 }
 
 fn bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{pos:>3} of {len} rows {bar:30} {elapsed}  {msg}") {
+    if let Ok(style) = ProgressStyle::with_template("{pos:>3} of {len} steps {bar:30} {elapsed}  {msg}") {
         bar.set_style(style.progress_chars("━╸─"));
     }
     bar

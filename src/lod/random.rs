@@ -12,13 +12,17 @@ pub struct RandomInGrid;
 
 /// A well mixed number from a position; seeded by the level, because a hash
 /// that is reused from level to level would prefer the same points again.
-fn rank(at: [u32; 3], level: u8) -> u64 {
-    let mut h = u64::from(level).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    for c in at {
-        h = (h ^ u64::from(c)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        h ^= h >> 29;
-    }
-    h.wrapping_mul(0x94D0_49BB_1331_11EB) ^ h >> 32
+///
+/// The axes are multiplied side by side and only then mixed: done one after the
+/// other, each would wait for the one before.
+fn rank([x, y, z]: [u32; 3], level: u8) -> u64 {
+    let seed = u64::from(level).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let [x, y, z] = [x, y, z].map(|c| u64::from(c) + 1);
+    let mixed = x.wrapping_mul(0xBF58_476D_1CE4_E5B9)
+        ^ y.wrapping_mul(0x94D0_49BB_1331_11EB).rotate_left(21)
+        ^ z.wrapping_mul(0xD6E8_FEB8_6659_FD93).rotate_left(42);
+    let mixed = (mixed ^ seed ^ mixed >> 29).wrapping_mul(0xFF51_AFD7_ED55_8CCD);
+    mixed ^ mixed >> 32
 }
 
 impl Sampler for RandomInGrid {

@@ -6,7 +6,9 @@
 //! the benchmark of conversions.
 
 pub mod chart;
+pub mod compare;
 pub mod flip;
+pub mod means;
 pub mod process;
 pub mod sampling;
 pub mod stability;

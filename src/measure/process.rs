@@ -95,7 +95,7 @@ fn processor_time(id: u32) -> io::Result<f64> {
 }
 
 /// The middle of some numbers, and the least and the most.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Spread {
     pub median: f64,
     pub min: f64,

@@ -76,8 +76,22 @@ pub struct Studio {
 struct Set {
     scene: Scene,
     effort: Effort,
-    /// Radius of the smallest splat, in pixels.
-    smallest: f32,
+    /// Radius below which splats are too small, in pixels, where there is so
+    /// little to see that one would look for it.
+    least: f32,
+}
+
+/// A picture that is set up: all that it needs is in memory.
+pub struct SetUp {
+    shot: Shot,
+    size: [u32; 2],
+    set: Set,
+}
+
+impl SetUp {
+    pub fn effort(&self) -> Effort {
+        self.set.effort
+    }
 }
 
 impl Studio {
@@ -101,10 +115,20 @@ impl Studio {
 
     /// One picture.
     pub fn still(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<(Picture, Effort)> {
+        let set_up = self.set_up(size, view, quality)?;
+        Ok((self.draw(&set_up, quality)?, set_up.effort()))
+    }
+
+    /// Chooses and reads what a picture needs.
+    pub fn set_up(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<SetUp> {
         let top = self.top(view);
         let shot = frame(&self.below(top), view, size, false);
-        let set = self.set(&[shot], size, top, quality)?;
-        Ok((self.shoot(&shot, size, quality, &set)?, set.effort))
+        Ok(SetUp { shot, size, set: self.set(&[shot], size, top, quality)? })
+    }
+
+    /// Draws what is set up, as often as one likes.
+    pub fn draw(&mut self, set_up: &SetUp, quality: &Quality) -> Result<Picture> {
+        self.shoot(&set_up.shot, set_up.size, quality, &set_up.set)
     }
 
     /// A full circle in so many pictures, each handed over as it is done. All
@@ -151,14 +175,13 @@ impl Studio {
             points: scene.splats.len() as u64,
             bytes_read: self.octree.bytes_read() - before,
         };
-        let usual = quality.shading.core[0];
-        let smallest = shots.first().map_or(usual, |shot| self.smallest(shot, size, usual));
-        Ok(Set { scene, effort, smallest })
+        let least = shots.first().map_or(0.0, |shot| self.least(shot, size));
+        Ok(Set { scene, effort, least })
     }
 
-    /// The smallest splat of a shot, in pixels: larger where there is so little
-    /// to see that one would look for it, such as a single point.
-    fn smallest(&self, shot: &Shot, size: [u32; 2], usual: f32) -> f32 {
+    /// Radius below which the splats of a shot are too small, in pixels: it grows
+    /// where there is little to see, such as a single point.
+    fn least(&self, shot: &Shot, size: [u32; 2]) -> f32 {
         let (camera, focal) = (shot.camera(), focal(size[0], size[1]));
         let cells = self.sample.positions.iter().filter_map(|point| {
             let [x, y, away] = camera.view(*point);
@@ -166,12 +189,12 @@ impl Studio {
             (away > 0.0).then_some(cell)
         });
         let cells = cells.collect::<HashSet<_>>().len().max(1);
-        usual.max((FEW / cells as f32).min(BIG))
+        (FEW / cells as f32).min(BIG)
     }
 
     fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, set: &Set) -> Result<Picture> {
         let (scene, mut shading) = (&set.scene, quality.shading);
-        shading.core[0] = set.smallest;
+        shading.core[0] = shading.core[0].max(set.least);
         let drawing = Drawing::new(
             &shot.camera(),
             size,

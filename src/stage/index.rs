@@ -188,7 +188,7 @@ impl<'o> Indexer<'o> {
             load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
         }
         let points = raw_points(survey, runs, parts, &self.raw);
-        points.unpack(&mut self.items, &mut self.records)?;
+        let statistics = points.unpack(&mut self.items, &mut self.records)?;
         let mut kept_out = Vec::new();
         if self.options.twins != Mode::Keep {
             let twins = twins::find(points.records());
@@ -223,7 +223,10 @@ impl<'o> Indexer<'o> {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
         let NodeWriter { records: all, block, points, .. } = builder.emit;
-        let statistics = statistics(schema, &all, kept_out);
+        let statistics = match kept_out.is_empty() {
+            true => statistics,
+            false => statistics_without(schema, &all, kept_out),
+        };
         self.records = all;
         let halo = Kept::Memory(root.rims);
         let root = Rising {
@@ -239,7 +242,7 @@ impl<'o> Indexer<'o> {
 }
 
 /// Statistics of all records but some.
-fn statistics(schema: &Schema, records: &[u8], mut without: Vec<u32>) -> Statistics {
+fn statistics_without(schema: &Schema, records: &[u8], mut without: Vec<u32>) -> Statistics {
     let size = schema.record_size();
     let mut statistics = Statistics::empty(schema);
     without.sort_unstable();

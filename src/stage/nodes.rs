@@ -9,6 +9,7 @@ use crate::cloud::attribute::Schema;
 use crate::cloud::cube::Frame;
 use crate::cloud::node::NodeKey;
 use crate::cloud::record;
+use crate::cloud::statistics::Statistics;
 use crate::format::potree;
 use crate::lod::order;
 use crate::lod::sampler::Item;
@@ -105,17 +106,20 @@ pub struct RawPoints<'a> {
     parts: Vec<(usize, &'a [u8])>,
 }
 
-/// Records that are moved together: few enough to stay in the core's cache.
+/// Records that are moved together: few enough to stay in the core's first cache.
 const BLOCK: usize = 512;
+/// And counted together: few enough for its second.
+const COUNTED: usize = 8 * BLOCK;
 
 impl<'a> RawPoints<'a> {
     pub fn new(survey: &'a Survey, parts: impl Iterator<Item = (usize, &'a [u8])>) -> RawPoints<'a> {
         RawPoints { survey, parts: parts.filter(|(_, bytes)| !bytes.is_empty()).collect() }
     }
 
-    /// All points: as items of the tree, and as records in the octree's layout.
-    /// Fails if one of them lies outside the cube.
-    pub fn unpack(&self, items: &mut Vec<Item>, records: &mut Vec<u8>) -> Result<(), StageError> {
+    /// All points: as items of the tree, and as records in the octree's layout;
+    /// and their statistics, made while the records are at hand. Fails if a point
+    /// lies outside the cube.
+    pub fn unpack(&self, items: &mut Vec<Item>, records: &mut Vec<u8>) -> Result<Statistics, StageError> {
         let Survey { inputs, cube, unified, .. } = self.survey;
         let size = unified.schema.record_size();
         let points = |(input, bytes): &(usize, &[u8])| bytes.len() / inputs[*input].source.record_length;
@@ -123,30 +127,34 @@ impl<'a> RawPoints<'a> {
         items.clear();
         items.reserve(all);
         records.resize(all * size, 0);
+        let mut statistics = Statistics::empty(&unified.schema);
         let mut rest = records.as_mut_slice();
         for (number, bytes) in &self.parts {
             let input = &inputs[*number];
             let length = input.source.record_length;
             let mut outside = false;
-            for block in bytes.chunks(BLOCK * length) {
-                let (into, behind) = rest.split_at_mut(block.len() / length * size);
+            for counted in bytes.chunks(COUNTED * length) {
+                let (into, behind) = rest.split_at_mut(counted.len() / length * size);
                 rest = behind;
-                let first = items.len() as u32;
-                let points = block.chunks_exact(length).zip(into.chunks_exact_mut(size)).zip(first..);
-                items.extend(points.map(|((raw, record), index)| {
-                    let stored = input.requantise.stored(record::raw_position(raw));
-                    record::put_position(record, stored);
-                    let at = cube.tree(stored);
-                    outside |= !cube.holds(at);
-                    Item { at, index }
-                }));
-                unified.mover(*number).apply(block, length, into);
+                for (block, into) in counted.chunks(BLOCK * length).zip(into.chunks_mut(BLOCK * size)) {
+                    let first = items.len() as u32;
+                    let points = block.chunks_exact(length).zip(into.chunks_exact_mut(size)).zip(first..);
+                    items.extend(points.map(|((raw, record), index)| {
+                        let stored = input.requantise.stored(record::raw_position(raw));
+                        record::put_position(record, stored);
+                        let at = cube.tree(stored);
+                        outside |= !cube.holds(at);
+                        Item { at, index }
+                    }));
+                    unified.mover(*number).apply(block, length, into);
+                }
+                statistics.add(&unified.schema, into);
             }
             if outside {
                 return Err(StageError::changed(&input.las));
             }
         }
-        Ok(())
+        Ok(statistics)
     }
 
     /// All raw records with the number of their layout, in their order.

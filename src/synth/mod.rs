@@ -66,6 +66,24 @@ impl Kind {
         Kind::Strips,
         Kind::Far,
     ];
+
+    /// What users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Terrain => "terrain",
+            Kind::Town => "town",
+            Kind::Interior => "interior",
+            Kind::Object => "object",
+            Kind::Volume => "volume",
+            Kind::Duplicates => "duplicates",
+            Kind::Outliers => "outliers",
+            Kind::Flat => "flat",
+            Kind::Line => "line",
+            Kind::Dot => "dot",
+            Kind::Strips => "strips",
+            Kind::Far => "far",
+        }
+    }
 }
 
 #[cfg(test)]

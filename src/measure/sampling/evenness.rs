@@ -1,9 +1,13 @@
 //! How even the samples of a finished octree are, level by level (the measures
 //! of sampling: spacing within and between nodes, and coverage).
 //!
-//! Looked at is what a viewer draws of a level: the samples of all its inner
-//! nodes. Leaves keep whatever is left, and no spacing.
+//! Looked at is what a viewer draws of a level: the samples of its inner nodes
+//! among those of all coarser levels, for a sample that a parent takes is stored
+//! there. Leaves keep whatever is left, and no spacing.
+//!
+//! Levels beyond the 21st are not looked at: no cloud has so many.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -58,7 +62,8 @@ impl Evenness {
 /// octree's positions.
 pub fn of_levels(folder: &Path) -> Result<Vec<Evenness>> {
     let mut octree = Octree::open(folder)?;
-    let mut levels = Vec::new();
+    let lattice = Lattice::of(&octree);
+    let (mut levels, mut drawn): (Vec<Evenness>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
     let mut nodes: Vec<Node> = octree.node(NodeName::ROOT)?.into_iter().collect();
     while nodes.iter().any(|node| node.child_mask != 0) {
         let inner: Vec<Node> = nodes.into_iter().filter(|node| node.child_mask != 0).collect();
@@ -70,17 +75,30 @@ pub fn of_levels(folder: &Path) -> Result<Vec<Evenness>> {
                 }
             }
         }
-        let lattice = Lattice::of(&octree);
-        let spacing = lattice.spacing(levels.len());
-        if spacing < 1.0 {
+        let (spacing, side) = (lattice.spacing(levels.len()), lattice.side(levels.len()));
+        if spacing < 1.0 || levels.len() > 20 {
             break;
         }
-        let samples = points(&octree, &lattice, &inner)?;
+        let own = points(&octree, &lattice, &inner)?;
+        let node_at = |at: [f64; 3]| number(at.map(|c| (c / side) as u64));
+        let placed = |points: &[[f64; 3]]| -> Vec<Placed> {
+            points.iter().map(|at| Placed { node: node_at(*at), at: *at }).collect()
+        };
+        // Where a leaf ends the tree above, all of it is drawn, and nothing sampled.
+        let sampled: HashSet<u64> =
+            inner.iter().map(|node| number(node.name.cell().map(u64::from))).collect();
+        drawn.retain(|at| sampled.contains(&node_at(*at)));
+        drawn.extend_from_slice(&own);
         let below = points(&octree, &lattice, &children)?;
-        levels.push(level(spacing, &samples, &below));
+        levels.push(level(spacing, &placed(&own), &placed(&drawn), &placed(&below)));
         nodes = children;
     }
     Ok(levels)
+}
+
+/// The number of a node among those of its level.
+fn number(cell: [u64; 3]) -> u64 {
+    cell.into_iter().fold(0, |number, c| number << 21 | c)
 }
 
 /// All levels together.
@@ -108,9 +126,13 @@ impl Lattice {
         Lattice { corner, stretch, side: ((high[0] - low[0]) / unit).round() }
     }
 
-    /// Of a level, in units.
+    /// Of the nodes of a level, in units.
+    fn side(&self, level: usize) -> f64 {
+        self.side / 2f64.powi(level as i32)
+    }
+
     fn spacing(&self, level: usize) -> f64 {
-        self.side / 2f64.powi(SPACING_BITS as i32 + level as i32)
+        self.side(level) / f64::from(1u32 << SPACING_BITS)
     }
 
     fn place(&self, record: &[u8]) -> [f64; 3] {
@@ -122,22 +144,21 @@ impl Lattice {
     }
 }
 
-fn points(octree: &Octree, lattice: &Lattice, nodes: &[Node]) -> Result<Vec<Placed>> {
+fn points(octree: &Octree, lattice: &Lattice, nodes: &[Node]) -> Result<Vec<[f64; 3]>> {
     let mut points = Vec::new();
-    for (node, number) in nodes.iter().zip(0..) {
+    for node in nodes {
         let records = octree.records(node, node.points)?;
-        let records = records.chunks_exact(octree.schema.record_size());
-        points.extend(records.map(|record| Placed { node: number, at: lattice.place(record) }));
+        points.extend(records.chunks_exact(octree.schema.record_size()).map(|record| lattice.place(record)));
     }
     Ok(points)
 }
 
-/// A level's samples, and the points below that it was offered and did not take.
-pub fn level(spacing: f64, samples: &[Placed], below: &[Placed]) -> Evenness {
+/// A level's own samples among all that are drawn of it, and the points below that
+/// it was offered and did not take.
+pub fn level(spacing: f64, own: &[Placed], drawn: &[Placed], below: &[Placed]) -> Evenness {
     let limit = spacing * spacing;
-    let cells = Cells::new(spacing, samples);
-    let counted = cells.around(
-        &cells,
+    let counted = Cells::new(spacing, drawn).around(
+        &Cells::new(spacing, own),
         Evenness::default,
         |sum, sample, around| {
             let (mut itself, mut inside, mut across) = (true, false, false);
@@ -157,7 +178,7 @@ pub fn level(spacing: f64, samples: &[Placed], below: &[Placed]) -> Evenness {
         Evenness::and,
     );
     let wide = WIDEST * spacing;
-    let holes = Cells::new(wide, samples).around(
+    let holes = Cells::new(wide, drawn).around(
         &Cells::new(wide, below),
         Evenness::default,
         |sum, point, around| {
@@ -177,7 +198,7 @@ mod tests {
     /// A square lattice so many units wide, of nodes of 16 units.
     fn lattice(step: u32, side: u32) -> Vec<Placed> {
         let at = |i: u32| [f64::from(i % side * step), f64::from(i / side * step), 0.0];
-        let node = |at: [f64; 3]| (at[0] / 16.0) as u32 + 100 * (at[1] / 16.0) as u32;
+        let node = |at: [f64; 3]| (at[0] / 16.0) as u64 + 100 * (at[1] / 16.0) as u64;
         (0..side * side).map(at).map(|at| Placed { node: node(at), at }).collect()
     }
 
@@ -185,10 +206,10 @@ mod tests {
     fn a_lattice_of_the_spacing_is_even_and_of_less_is_not() {
         let samples = lattice(4, 16);
         let middle = Placed { node: 0, at: [2.0, 2.0, 0.0] };
-        let even = level(4.0, &samples, &[middle]);
+        let even = level(4.0, &samples, &samples, &[middle]);
         assert_eq!((even.samples, even.inside, even.across, even.rejected), (256, 0, 0, 1));
         assert!((even.hole - 0.5f64.sqrt()).abs() < 1e-12);
-        let dense = level(5.0, &samples, &[]);
+        let dense = level(5.0, &samples, &samples, &[]);
         assert_eq!((dense.inside, dense.hole), (256, 0.0));
         // Columns and rows on either side of three borders, where they cross only once.
         assert_eq!(dense.across, 256 - 10 * 10);
@@ -198,7 +219,8 @@ mod tests {
     fn twins_are_too_near_and_deserts_are_holes() {
         let twin = Placed { node: 0, at: [1.0; 3] };
         let elsewhere = Placed { node: 1, at: [1.0, 1.0, 1.5] };
-        let found = level(1.0, &[twin, twin, elsewhere], &[Placed { node: 0, at: [50.0; 3] }]);
+        let samples = [twin, twin, elsewhere];
+        let found = level(1.0, &samples, &samples, &[Placed { node: 0, at: [50.0; 3] }]);
         assert_eq!((found.inside, found.across, found.hole), (2, 3, WIDEST));
         assert!(
             (found.across_share() - 1.0).abs() < 1e-12 && (found.inside_share() - 2.0 / 3.0).abs() < 1e-12

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 /// A point: the node that holds it, and where it lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
-    pub node: u32,
+    pub node: u64,
     pub at: [f64; 3],
 }
 

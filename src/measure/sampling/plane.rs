@@ -50,7 +50,7 @@ impl Emit for Levels {
 /// A point of level 1 and the quadrant that it lies in.
 fn placed(at: [u32; 3]) -> Placed {
     let [x, y, _] = at.map(|c| c >> (BITS - 1));
-    Placed { node: 2 * x + y, at: at.map(f64::from) }
+    Placed { node: u64::from(2 * x + y), at: at.map(f64::from) }
 }
 
 /// Samples a square of white noise; the seed says which.
@@ -66,7 +66,7 @@ pub fn pattern(sampling: Sampling, seed: u32) -> Pattern {
     Pattern {
         coarse: root.items.iter().map(|item| flat(item.at.map(f64::from))).collect(),
         fine: samples.iter().map(|sample| flat(sample.at)).collect(),
-        even: evenness::level(f64::from(1u32 << (BITS - SPACING_BITS - 1)), &samples, &below),
+        even: evenness::level(f64::from(1u32 << (BITS - SPACING_BITS - 1)), &samples, &samples, &below),
     }
 }
 

@@ -24,7 +24,8 @@ pub struct Spectrum {
 const FIRST: usize = 4;
 /// Highest frequency, in waves a spacing.
 const HIGHEST: f64 = 1.5;
-const LANES: usize = 8;
+/// Points that are gone through together.
+const LANES: usize = 4;
 
 /// The mean spectrum of several patterns, each of points in the unit square
 /// that is `spacings` spacings wide.
@@ -72,7 +73,7 @@ fn periodogram(points: &[[f64; 2]], most: usize) -> Vec<f64> {
     let width = 2 * most + 1;
     let mut power = vec![0.0; width * (most + 1)];
     power.par_chunks_mut(width).enumerate().for_each(|(fy, row)| {
-        let mut sums = vec![[0.0f64; 2]; width];
+        let mut sums = vec![[[0.0f64; LANES]; 2]; width];
         for (points, weights) in points.chunks(LANES).zip(weights.chunks(LANES)) {
             // Several waves side by side: one alone waits for itself at each step.
             let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
@@ -82,17 +83,18 @@ fn periodogram(points: &[[f64; 2]], most: usize) -> Vec<f64> {
                 (re[lane], im[lane]) = (weight * start.cos(), weight * start.sin());
                 (sin[lane], cos[lane]) = (std::f64::consts::TAU * x).sin_cos();
             }
-            for sum in &mut sums {
-                sum[0] += re.iter().sum::<f64>();
-                sum[1] += im.iter().sum::<f64>();
+            for [sum_re, sum_im] in &mut sums {
                 for lane in 0..LANES {
+                    sum_re[lane] += re[lane];
+                    sum_im[lane] += im[lane];
                     let turned = re[lane] * cos[lane] - im[lane] * sin[lane];
                     im[lane] = re[lane] * sin[lane] + im[lane] * cos[lane];
                     re[lane] = turned;
                 }
             }
         }
-        for (power, [re, im]) in row.iter_mut().zip(sums) {
+        for (power, sum) in row.iter_mut().zip(sums) {
+            let [re, im] = sum.map(|lanes| lanes.iter().sum::<f64>());
             *power = (re * re + im * im) / energy.max(f64::MIN_POSITIVE);
         }
     });

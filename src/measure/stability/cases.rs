@@ -1,14 +1,7 @@
-//! The scenes of the table, and how they are made.
+//! The scenes of the table.
 
-use std::path::Path;
-use std::process::Command;
-
-use super::{Result, StabilityError, Wishes};
-use crate::measure::process;
+use super::Wishes;
 use crate::synth::{Kind, Recipe};
-
-/// The point format of all clouds: colours, 26 bytes.
-const FORMAT: &str = "2";
 
 /// A scene and what it is called.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,8 +12,7 @@ pub struct Case {
 
 impl Case {
     fn of(kind: Kind, points: u64) -> Case {
-        let recipe = Recipe::new(kind, points, 1);
-        Case { title: format!("{kind:?}").to_lowercase(), recipe }
+        Case::called(kind.name(), Recipe::new(kind, points, 1))
     }
 
     fn called(title: &str, recipe: Recipe) -> Case {
@@ -30,28 +22,6 @@ impl Case {
     /// The scene that all others are held against.
     pub fn benign(points: u64) -> Case {
         Case::of(Kind::Terrain, points)
-    }
-
-    /// Makes the cloud, a folder with one file or several.
-    pub fn make(&self, wishes: &Wishes, folder: &Path) -> Result<()> {
-        let fault = |source| StabilityError::Folder { path: folder.to_path_buf(), source };
-        match std::fs::remove_dir_all(folder) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(fault(error)),
-            _ => std::fs::create_dir_all(folder).map_err(fault)?,
-        }
-        let Recipe { kind, points, seed, share, twins, teapot, span } = self.recipe;
-        let mut command = Command::new(&wishes.program);
-        command.args(["synth", &format!("{kind:?}").to_lowercase(), "--format", FORMAT]);
-        command.args(["--points", &points.to_string(), "--seed", &seed.to_string()]);
-        command.args(["--share", &share.to_string()]);
-        command.args(["--span", &span.to_string()]);
-        command.args(twins.then_some("--twins")).args(teapot.then_some("--teapot"));
-        // The scene of many tiles makes a folder of its own.
-        let output = if kind == Kind::Strips { folder.to_path_buf() } else { folder.join("cloud.las") };
-        command.arg("-o").arg(output);
-        let made = process::run_until(&mut command, &wishes.cancel);
-        wishes.ended(&format!("making {}", self.title), made)?;
-        Ok(())
     }
 }
 

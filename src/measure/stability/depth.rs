@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::Result;
 use crate::format::inputs;
 use crate::format::las::LasFile;
+use crate::measure::means::Result;
 
 /// Points that a leaf may hold.
 const LEAF: usize = 10_000;

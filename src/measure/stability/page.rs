@@ -7,7 +7,7 @@ use crate::verify::grouped;
 
 /// A row as a line of a terminal.
 pub fn plain(row: &Row) -> String {
-    let sampling = format!("{:?}", row.sampling).to_lowercase();
+    let sampling = row.sampling.name();
     format!(
         "{:26} {:>11} {sampling:8} {:7.2} s {:5.2} × {:5.2} × cpu {:6.0} MB {:5.2} ×  depth {:2} of {:2}  {}  {}",
         row.scene,
@@ -34,7 +34,7 @@ pub fn markdown(table: &Table) -> String {
         let aside: Vec<String> =
             row.set_aside.iter().map(|(reason, points)| format!("{} {reason}s", grouped(*points))).collect();
         let outcome = if row.exact { "exact" } else { row.outcome.as_str() };
-        let sampling = format!("{:?}", row.sampling).to_lowercase();
+        let sampling = row.sampling.name();
         // Writing to a string does not fail.
         let _ = writeln!(
             page,

@@ -9,8 +9,9 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::cases::Case;
-use super::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Place, Result, StabilityError, Wishes};
+use super::{BENIGN, CLOUD, MOST_LEVELS, MOST_MEMORY, MOST_TIME, OCTREE, VERDICT, WORDS};
 use crate::format::potree::{self, Metadata};
+use crate::measure::means::{Means, MeasureError, Place, Result, last_words};
 use crate::measure::process::{self, Ended, Run, spread};
 use crate::stage::options::Sampling;
 
@@ -48,7 +49,7 @@ pub struct Row {
 const MOST_PATIENCE: f64 = 50.0;
 
 pub fn measure(
-    wishes: &Wishes,
+    means: &Means,
     case: &Case,
     sampling: Sampling,
     place: &Place,
@@ -57,12 +58,12 @@ pub fn measure(
 ) -> Result<Row> {
     let (mut benign, mut own): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
     let mut last = None;
-    for round in 0..wishes.rounds.max(1) {
-        say(format!("{}, {sampling:?}: round {} of {}", case.title, round + 1, wishes.rounds));
-        let first = convert(wishes, sampling, &place.benign(), place, Duration::MAX)?;
+    for round in 0..means.rounds.max(1) {
+        say(format!("{}, {sampling:?}: round {} of {}", case.title, round + 1, means.rounds));
+        let first = convert(means, sampling, BENIGN, place, Duration::MAX)?;
         benign.push(first.run);
         let patience = Duration::from_secs_f64(60.0 + MOST_PATIENCE * first.run.wall);
-        let ended = convert(wishes, sampling, &place.cloud(), place, patience)?;
+        let ended = convert(means, sampling, CLOUD, place, patience)?;
         own.push(ended.run);
         let failed = !matches!(ended.status.code(), Some(0 | 3));
         last = Some(ended);
@@ -76,7 +77,7 @@ pub fn measure(
         scene: case.title.clone(),
         points: case.recipe.points,
         sampling,
-        outcome: last.map_or(String::new(), |ended| outcome(ended, &place.words())),
+        outcome: last.map_or(String::new(), |ended| outcome(ended, &place.at(WORDS))),
         exact: false,
         seconds: median(&own, |run| run.wall),
         seconds_times: times(|run| run.wall),
@@ -93,27 +94,21 @@ pub fn measure(
     };
     if row.outcome == "done" {
         say(format!("{}, {sampling:?}: held against its input", case.title));
-        row.look(wishes, place)?;
+        row.look(means, place)?;
     }
     row.judge();
     Ok(row)
 }
 
 fn convert(
-    wishes: &Wishes,
+    means: &Means,
     sampling: Sampling,
-    cloud: &Path,
+    cloud: &str,
     place: &Place,
     patience: Duration,
 ) -> Result<Ended> {
-    let words = File::create(place.words());
-    let words = words.map_err(|source| StabilityError::Folder { path: place.words(), source })?;
-    let mut command = Command::new(&wishes.program);
-    command.args(["convert", "--overwrite", "--progress", "json", "--log", "warn", "-m"]);
-    command.arg(format!("{sampling:?}").to_lowercase());
-    command.args(["--threads", &wishes.threads.to_string()]);
-    command.arg(cloud).arg("-o").arg(place.octree()).stdout(Stdio::null()).stderr(words);
-    wishes.ended("the conversion", process::run_within(&mut command, patience, &wishes.cancel))
+    let (cloud, octree, words) = (place.at(cloud), place.at(OCTREE), place.at(WORDS));
+    means.convert(&["-m", sampling.name()], &cloud, &octree, &words, patience)
 }
 
 /// In a word, or in those that the program had for it.
@@ -121,40 +116,36 @@ fn outcome(ended: Ended, words: &Path) -> String {
     match ended.status.code() {
         Some(0 | 3) => "done".to_string(),
         _ if ended.late => format!("not done after {:.0} s", ended.run.wall),
-        _ => {
-            let text = fs::read_to_string(words).unwrap_or_default();
-            let last = text.lines().rev().find(|line| line.starts_with("lodestone:"));
-            last.map_or_else(|| ended.status.to_string(), str::to_string)
-        }
+        _ => last_words(words).unwrap_or_else(|| ended.status.to_string()),
     }
 }
 
 impl Row {
     /// Fills in what the octree and its verification tell.
-    fn look(&mut self, wishes: &Wishes, place: &Place) -> Result<()> {
-        let octree = place.octree();
+    fn look(&mut self, means: &Means, place: &Place) -> Result<()> {
+        let octree = place.at(OCTREE);
         let metadata = Metadata::read(&octree)?;
         let path = octree.join(potree::HIERARCHY);
-        let bytes = fs::read(&path).map_err(|source| StabilityError::Folder { path, source })?;
+        let bytes = fs::read(&path).map_err(|source| MeasureError::Folder { path, source })?;
         let nodes = potree::read_hierarchy(&bytes, metadata.hierarchy.first_chunk_size)?;
         self.depth = metadata.hierarchy.depth;
         self.nodes = nodes.len() as u64;
         self.largest_node = nodes.iter().map(|node| node.points).max().unwrap_or(0);
 
-        let words = fs::read_to_string(place.words()).unwrap_or_default();
+        let words = fs::read_to_string(place.at(WORDS)).unwrap_or_default();
         let last = words.lines().rev().find(|line| line.starts_with('{')).unwrap_or_default();
         let told: serde_json::Value = serde_json::from_str(last).unwrap_or_default();
         if let Some(aside) = told["outcome"]["set_aside"].as_object() {
             let counts = aside.iter().filter_map(|(reason, n)| Some((reason.clone(), n.as_u64()?)));
             self.set_aside = counts.collect();
         }
-        let fault = |source| StabilityError::Folder { path: place.verdict(), source };
-        let verdict = File::create(place.verdict()).map_err(fault)?;
-        let mut verify = Command::new(&wishes.program);
-        verify.args(["verify", "--json", "--threads", &wishes.threads.to_string()]);
-        verify.arg(&octree).arg("--against").arg(place.cloud()).stdout(verdict).stderr(Stdio::null());
-        wishes.ended("the verification", process::run_within(&mut verify, Duration::MAX, &wishes.cancel))?;
-        let verdict = fs::read(place.verdict()).map_err(fault)?;
+        let fault = |source| MeasureError::Folder { path: place.at(VERDICT), source };
+        let verdict = File::create(place.at(VERDICT)).map_err(fault)?;
+        let mut verify = Command::new(&means.program);
+        verify.args(["verify", "--json", "--threads", &means.threads.to_string()]);
+        verify.arg(&octree).arg("--against").arg(place.at(CLOUD)).stdout(verdict).stderr(Stdio::null());
+        means.ended("the verification", process::run_within(&mut verify, Duration::MAX, &means.cancel))?;
+        let verdict = fs::read(place.at(VERDICT)).map_err(fault)?;
         let report: serde_json::Value = serde_json::from_slice(&verdict).unwrap_or_default();
         let against = &report["against"];
         self.exact = report["ok"] == true

@@ -1,0 +1,98 @@
+//! What the figures say of the default method: whether it is the one that the
+//! charts speak for.
+
+use super::report::{MethodReport, Report, SceneReport};
+
+/// Share of the samples that may have one of another node too near.
+pub const MOST_ACROSS: f64 = 0.0005;
+/// Times as fast as the paper's shells that the default is to be.
+pub const LEAST_SPEEDUP: f64 = 4.0;
+/// Most that a single frequency may stand out of its ring and be no line: the
+/// mean of a few patterns of noise comes to less.
+pub const MOST_LINE: f64 = 8.0;
+
+/// A claim about the default, and whether the figures bear it out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    pub holds: bool,
+    pub words: String,
+}
+
+pub fn findings(report: &Report) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for scene in &report.scenes {
+        let Some(default) = scene.methods.iter().find(|method| method.is_default()) else { continue };
+        let name = &scene.name;
+        let beaten = beaten_by(scene, default, report.budgets.first().copied().unwrap_or(0));
+        findings.push(match &beaten {
+            None => good(format!("{name}: no method is both faster and truer than {}", default.method)),
+            Some(by) => bad(format!("{name}: {by} is both faster and truer than {}", default.method)),
+        });
+        let even = default.even;
+        let words = format!(
+            "{name}: of {} samples, {} have one of their node too near, {} ({:.3} %) one of another node",
+            even.samples,
+            even.inside,
+            even.across,
+            100.0 * even.across_share()
+        );
+        findings.push(Finding { holds: even.inside == 0 && even.across_share() <= MOST_ACROSS, words });
+        if let Some(shells) = scene.method("shells") {
+            let times = shells.sampler_ns.median / default.sampler_ns.median;
+            let words = format!("{name}: its sampler is {times:.1} times as fast as the paper's shells");
+            findings.push(Finding { holds: times >= LEAST_SPEEDUP, words });
+        }
+    }
+    if let Some(pattern) = report.patterns.first() {
+        let line = pattern.spectrum.line;
+        let words = format!("on a plane, its strongest frequency stands {line:.1} × out of its ring");
+        findings.push(Finding { holds: line <= MOST_LINE, words });
+    }
+    findings
+}
+
+fn good(words: String) -> Finding {
+    Finding { holds: true, words }
+}
+
+fn bad(words: String) -> Finding {
+    Finding { holds: false, words }
+}
+
+/// A method that costs less and errs less, clearly: the machine is noisy, and so
+/// are pictures.
+fn beaten_by<'a>(scene: &'a SceneReport, default: &MethodReport, budget: u64) -> Option<&'a str> {
+    let better = |method: &&MethodReport| {
+        method.cpu.median < 0.97 * default.cpu.median && method.error(budget) < 0.97 * default.error(budget)
+    };
+    scene.methods.iter().find(better).map(|method| method.method.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::report::tests_support::{method, report};
+    use super::*;
+
+    #[test]
+    fn a_default_that_is_beaten_or_uneven_or_slow_is_told() {
+        let good =
+            report(vec![method("poisson", 1.0, 2.0), method("random", 0.7, 4.0), method("shells", 1.5, 2.0)]);
+        assert!(findings(&good).iter().all(|finding| finding.holds), "{:?}", findings(&good));
+        assert_eq!(findings(&good).len(), 4);
+
+        let mut beaten = good.clone();
+        beaten.scenes[0].methods[1] = method("random", 0.7, 1.5);
+        let told = findings(&beaten);
+        assert!(!told[0].holds && told[0].words.contains("random is both"), "{told:?}");
+
+        let mut uneven = good.clone();
+        uneven.scenes[0].methods[0].even.across = 100;
+        assert!(!findings(&uneven)[1].holds);
+        let mut slow = good.clone();
+        slow.scenes[0].methods[0].sampler_ns = slow.scenes[0].methods[2].sampler_ns;
+        assert!(!findings(&slow)[2].holds);
+        let mut lined = good;
+        lined.patterns[0].spectrum.line = 50.0;
+        assert!(!findings(&lined)[3].holds);
+    }
+}
