@@ -24,9 +24,21 @@ pub fn plain(row: &Row) -> String {
     )
 }
 
-/// The whole table.
+/// What stands above the table.
+const HEAD: &str = "# Stability
+
+What became of every scene that is known to break converters, and what it cost as
+a multiple of `terrain` with as many points: `lodestone report --stability`. The
+two are converted in turns, each time as a process of its own, and the medians are
+compared. \"Asked\" is the level at which no cell of the cloud, without its outliers,
+holds more than 10 000 different positions.
+
+";
+
+/// The page with the whole table.
 pub fn markdown(table: &Table) -> String {
-    let mut page = String::from(
+    let mut page = String::from(HEAD);
+    page.push_str(
         "| scene | points | sampler | outcome | s | × terrain | CPU-s | × terrain | peak MB | × terrain | depth | asked | nodes | largest node | set aside | misses |\n\
          |---|---:|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---|\n",
     );
