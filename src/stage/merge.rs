@@ -7,6 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
+use super::averages::Averages;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::index::{self, Done, Indexed, Rising, RisingRecords};
@@ -28,8 +29,16 @@ use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 /// flat country fills 16.
 const CUT: u8 = 2;
 
+/// What there is to say of the nodes.
+pub struct Merged {
+    /// In all nodes, those of the chunks too.
+    pub points: u64,
+    /// Of what the merge wrote, as far as the chunks could not know it: the range
+    /// of averaged colours.
+    pub statistics: Statistics,
+}
+
 /// Samples and writes everything above the chunks, and the chunks' roots.
-/// Returns the number of all points.
 pub fn merge(
     survey: &Survey,
     indexed: Indexed,
@@ -37,13 +46,14 @@ pub fn merge(
     scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
-) -> Result<u64> {
+) -> Result<Merged> {
     let scratch = scratch.map(|scratch| &**scratch);
     let rising_points: u64 = indexed.rising.iter().map(|r| r.points(survey)).sum();
     context.progress.begin(Stage::Merge, rising_points);
     let above = ancestors(&indexed.rising);
     let mut next_block = indexed.rising.len();
     let mut points = indexed.points;
+    let mut statistics = Statistics::empty(&survey.unified.schema);
 
     let (subtrees, mut top) = cut(indexed.rising);
     let merged: Vec<Mutex<Option<Done>>> = subtrees.iter().map(|_| Mutex::new(None)).collect();
@@ -74,8 +84,9 @@ pub fn merge(
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let Done { root, points: more, .. } = subtree;
+        let Done { root, points: more, statistics: range, .. } = subtree;
         points += more;
+        statistics.merge(&range);
         top.insert(root.node, root);
     }
 
@@ -83,9 +94,14 @@ pub fn merge(
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
-    let NodeWriter { block, points: more, .. } = merger.writer;
+    let NodeWriter { block, points: more, averages, .. } = merger.writer;
     octree.submit(next_block, block, None)?;
-    Ok(points + more)
+    if let Some(averages) = averages {
+        let mut range = Statistics::empty(&survey.unified.schema);
+        averages.tell(&mut range);
+        statistics.merge(&range);
+    }
+    Ok(Merged { points: points + more, statistics })
 }
 
 /// Nodes that have chunks below them.
@@ -171,8 +187,9 @@ impl<'a> Merger<'a> {
         let root = self.grow(node)?;
         let Grown { node, has_children, crowded, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
-        let NodeWriter { block, points, .. } = self.writer;
-        let statistics = Statistics::empty(&self.survey.unified.schema);
+        let NodeWriter { block, points, averages, .. } = self.writer;
+        let mut statistics = Statistics::empty(&self.survey.unified.schema);
+        averages.iter().for_each(|averages| averages.tell(&mut statistics));
         let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
         let done = Done { root, statistics, points, aside: Vec::new() };
         index::hand_in(octree, number, block, done, self.scratch)
@@ -216,10 +233,18 @@ impl<'a> Merger<'a> {
             let items = self.items(&records);
             return Ok(Grown { node, has_children: false, crowded: true, records, items });
         }
+        let has_below = children.iter().any(|c| c.has_children);
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
         let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
+        if let Some(Averages { averager, field, .. }) = &mut self.writer.averages {
+            let colour = |set: usize, index: u32| field.get(&children[set].records, index);
+            let means = averager.means(frame, has_below, &candidates, &self.taken, colour);
+            for mean in means {
+                field.put(&mut children[usize::from(mean.set)].records, mean.index, mean.colour);
+            }
+        }
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
         let mut items = Vec::new();

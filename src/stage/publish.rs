@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::options::{Encoding, Options, Sampling};
+use super::options::{Encoding, LodColor, Options, Sampling};
 use super::output::NodeEntry;
 use super::survey::Survey;
 use crate::cloud::statistics::Statistics;
@@ -121,6 +121,9 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
                 Sampling::Poisson => "poisson".into(),
                 Sampling::Random => "random".into(),
             },
+            lod_color: Some(LodColor::of(schema))
+                .filter(|kind| *kind != LodColor::Keep)
+                .map(|kind| kind.name().into()),
             left_out: survey.unified.left_out.clone(),
         }),
         attributes: schema
