@@ -16,7 +16,7 @@ use common::{context, listing, octree_bytes, options_of, request, surface, write
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
 use lodestone::stage::journal;
-use lodestone::stage::options::{Encoding, Options, Sampling};
+use lodestone::stage::options::{Encoding, LodColor, Options, Sampling};
 use lodestone::stage::receipt::{Receipt, Unit};
 use lodestone::stage::scratch::units_done;
 
@@ -74,6 +74,7 @@ fn convert_killed(input: &Path, output: &Path, options: &Options, more: u64) -> 
             "90M",
         ])
         .args(["--encoding", if options.encoding == Encoding::Brotli { "brotli" } else { "default" }])
+        .args(["--lod-color", options.lod_color.name()])
         .args(["--sampling", if options.sampling == Sampling::Random { "random" } else { "poisson" }])
         .arg(input)
         .arg("-o")
@@ -97,13 +98,14 @@ fn convert_killed(input: &Path, output: &Path, options: &Options, more: u64) -> 
 
 #[test]
 fn killed_after_every_few_units_the_bytes_are_the_same_and_no_unit_is_done_twice() {
-    for (compressed, encoding, sampling) in [
-        (false, Encoding::Default, Sampling::Poisson),
-        (true, Encoding::Default, Sampling::Random),
-        (true, Encoding::Brotli, Sampling::Poisson),
+    for (compressed, encoding, sampling, lod_color) in [
+        (false, Encoding::Default, Sampling::Poisson, LodColor::Average),
+        (true, Encoding::Default, Sampling::Random, LodColor::Keep),
+        (true, Encoding::Brotli, Sampling::Poisson, LodColor::Keep),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let (input, options) = (cloud(folder.path(), compressed), named(encoding, sampling));
+        let input = cloud(folder.path(), compressed);
+        let options = Options { lod_color, ..named(encoding, sampling) };
         let expected = uninterrupted(folder.path(), &input, &options);
         let out = folder.path().join("out");
         fs::create_dir(&out).unwrap();
@@ -122,7 +124,7 @@ fn killed_after_every_few_units_the_bytes_are_the_same_and_no_unit_is_done_twice
         }
         // Many on an idle machine, few where the killer has to wait for its turn.
         assert!(kills >= 2, "{kills} kills");
-        assert!(octree_bytes(&output) == expected, "{compressed} {encoding:?} {sampling:?}");
+        assert!(octree_bytes(&output) == expected, "{options:?}");
         assert_eq!(listing(&out), ["octree"], "nothing stays behind");
     }
 }
@@ -181,12 +183,15 @@ fn remains_of_other_options_or_another_input_are_never_used() {
     let input = cloud(folder.path(), true);
     let (poisson, random) =
         (named(Encoding::Default, Sampling::Poisson), named(Encoding::Default, Sampling::Random));
-    stopped(folder.path(), &input, &poisson, 20);
-    let outcome = go_on(folder.path(), &input, &random);
-    assert_eq!(outcome.units_resumed, 0);
-    assert!(octree_bytes(&folder.path().join("octree")) == uninterrupted(folder.path(), &input, &random));
-    for name in ["octree", "whole"] {
-        fs::remove_dir_all(folder.path().join(name)).unwrap();
+    let averaged = Options { lod_color: LodColor::Average, ..poisson.clone() };
+    for other in [&random, &averaged] {
+        stopped(folder.path(), &input, &poisson, 20);
+        let outcome = go_on(folder.path(), &input, other);
+        assert_eq!(outcome.units_resumed, 0);
+        assert!(octree_bytes(&folder.path().join("octree")) == uninterrupted(folder.path(), &input, other));
+        for name in ["octree", "whole"] {
+            fs::remove_dir_all(folder.path().join(name)).unwrap();
+        }
     }
 
     stopped(folder.path(), &input, &poisson, 20);

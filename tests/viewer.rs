@@ -43,12 +43,12 @@ fn run(command: &mut Command) -> String {
     text(&output.stdout)
 }
 
-fn convert(inputs: &[PathBuf], encoding: &str, output: &Path) {
+fn convert(inputs: &[PathBuf], encoding: &str, lod_color: &str, output: &Path) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lodestone"));
     run(command
         .arg("convert")
         .args(inputs)
-        .args(["--encoding", encoding, "--progress", "none", "-o"])
+        .args(["--encoding", encoding, "--lod-color", lod_color, "--progress", "none", "-o"])
         .arg(output));
 }
 
@@ -88,12 +88,16 @@ fn write_expected(octree: &Path, folder: &Path) {
 /// Converts to both encodings and has the viewer read both; what it should find
 /// comes from the DEFAULT one. Gives the nodes and points it found.
 fn the_viewer_agrees(inputs: &[PathBuf]) -> (u64, u64) {
+    the_viewer_agrees_on(inputs, "keep")
+}
+
+fn the_viewer_agrees_on(inputs: &[PathBuf], lod_color: &str) -> (u64, u64) {
     let folder = tempfile::tempdir().unwrap();
     let expected = folder.path().join("expected");
     let mut found = Vec::new();
     for encoding in ["default", "brotli"] {
         let octree = folder.path().join(encoding);
-        convert(inputs, encoding, &octree);
+        convert(inputs, encoding, lod_color, &octree);
         if encoding == "default" {
             write_expected(&octree, &expected);
         }
@@ -182,6 +186,24 @@ fn a_viewer_reads_what_we_wrote() {
     let (nodes, points) = the_viewer_agrees(&[input]);
     assert_eq!(points, 60_000);
     assert!(nodes > 8, "{nodes} nodes");
+}
+
+/// A second colour is an attribute like any other to a viewer, whichever of the
+/// two is called `rgb`.
+#[test]
+fn a_viewer_reads_both_colours_where_coarse_levels_are_averaged() {
+    if !is_wanted() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("hill.las");
+    write_cloud(&input, 30_000, |_, random| {
+        let (x, y) = ((random & 0xffff) as i32, (random >> 16 & 0xffff) as i32);
+        [x * 3, y * 3, (x / 64) * (y / 64) / 8]
+    });
+    for lod_color in ["attribute", "average"] {
+        assert_eq!(the_viewer_agrees_on(std::slice::from_ref(&input), lod_color).1, 30_000);
+    }
 }
 
 /// Where a file's integers lie decides whether the viewers' BROTLI decoder reads

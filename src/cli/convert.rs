@@ -8,7 +8,7 @@ use super::progress::{self, Style};
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::options::{Damaged, Encoding, Mode, Options, Sampling};
+use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::stage::staging::{staging_folder, within_a_name};
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
@@ -26,6 +26,10 @@ pub struct Arguments {
     /// How points are stored
     #[arg(long, ignore_case = true, default_value = "default")]
     encoding: Encoding,
+    /// Colours of coarse levels: those of their points, or means of what these stand for, in an
+    /// attribute of their own or in `rgb`
+    #[arg(long, ignore_case = true, default_value = "keep", value_name = "MODE")]
+    lod_color: LodColor,
     /// What becomes of a few points so far away that the octree would be built for them
     #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
     outliers: Mode,
@@ -86,6 +90,7 @@ pub fn run(arguments: Arguments) -> Exit {
         options: Options {
             sampling: arguments.sampling,
             encoding: arguments.encoding,
+            lod_color: arguments.lod_color,
             outliers: arguments.outliers,
             duplicates: arguments.duplicates,
             damaged: arguments.damaged,
@@ -164,6 +169,12 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
         seconds,
         outcome.points_out as f64 / seconds / 1e6,
     );
+    match outcome.lod_color {
+        LodColor::Keep if request.options.lod_color == LodColor::Keep => {}
+        LodColor::Keep => println!("no colours were averaged, for there is no `rgb`"),
+        LodColor::Attribute => println!("`rgb average` holds averages; `rgb` is as in the input"),
+        LodColor::Average => println!("`rgb` holds averages; the originals are in `rgb original`"),
+    }
     match outcome.exact {
         true => println!("every position is exactly where the input has it"),
         false => println!(

@@ -73,6 +73,14 @@ fn octree_page(folder: &Path) -> potree::Result<String> {
             "made by",
             format!("{} {}, sampling {}", generator.name, generator.version, generator.sampling),
         );
+        match generator.lod_color.as_deref() {
+            None => {}
+            Some("average") => {
+                page.line("", "rgb holds averages on coarse levels, rgb original the points' own")
+            }
+            Some("attribute") => page.line("", "rgb average holds averages on coarse levels"),
+            Some(other) => page.line("", format!("colours of coarse levels: {other}")),
+        }
     }
     page.line("points", grouped(metadata.points));
     let encoding = match metadata.encoding {

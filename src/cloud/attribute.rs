@@ -2,6 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+/// A point's colour, as viewers know it. Where coarse levels have averaged
+/// colours, a second attribute stands behind it: the averages, or, where `rgb`
+/// holds those, the points' own.
+pub const RGB: &str = "rgb";
+pub const RGB_AVERAGE: &str = "rgb average";
+pub const RGB_ORIGINAL: &str = "rgb original";
+
 /// The type of one element of an attribute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -1,7 +1,7 @@
 //! Which name an attribute of one file gets among those of all files, and in
 //! which order they stand (FORMATS.md, the names that viewers know).
 
-use super::attribute::Attribute;
+use super::attribute::{Attribute, RGB, RGB_AVERAGE, RGB_ORIGINAL};
 
 /// Finds or adds an attribute among those of all sources. One of the same name
 /// but another type, or a second one of the same file, gets a number.
@@ -37,7 +37,7 @@ fn same_values(a: &Attribute, b: &Attribute) -> bool {
 }
 
 /// The standard attributes behind the position, in the order viewers list them.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 24] = [
     "intensity",
     "return number",
     "number of returns",
@@ -48,7 +48,9 @@ const ORDER: [&str; 22] = [
     "user data",
     "point source id",
     "gps-time",
-    "rgb",
+    RGB,
+    RGB_AVERAGE,
+    RGB_ORIGINAL,
     "nir",
     "scanner channel",
     "scan direction flag",
@@ -63,7 +65,8 @@ const ORDER: [&str; 22] = [
 ];
 
 /// Names that mean something to viewers and to whoever verifies: a field of extra
-/// bytes never gets one of them, not even where the point format leaves it free.
+/// bytes never gets one of them, not even where the point format or the options
+/// leave it free.
 fn is_reserved(name: &str) -> bool {
     matches!(name, "position" | "rgba" | "POSITION_CARTESIAN") || ORDER.contains(&name)
 }

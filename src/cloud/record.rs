@@ -4,7 +4,7 @@
 //! into its node: then, once, its fields are moved to where the octree's schema
 //! has them. Layouts of the point formats 0 to 10: LAS 1.4 R15, tables 7 to 17.
 
-use super::attribute::{Attribute, ExtraField, Scalar, Schema};
+use super::attribute::{Attribute, ExtraField, RGB, Scalar, Schema};
 use super::mover::Mover;
 use super::naming::{merge, viewing_order};
 
@@ -50,7 +50,8 @@ const fn optional(field: Field) -> Field {
 
 /// The standard fields of a point format behind the position, in the order in
 /// which viewers list them (FORMATS.md); what they have no name for comes last.
-fn fields(format: u8) -> Vec<Field> {
+/// A second colour, where one is named, begins as the first.
+fn fields(format: u8, second_color: Option<&'static str>) -> Vec<Field> {
     let mut fields = vec![field("intensity", Scalar::U16, 1, 12)];
     if format < 6 {
         fields.extend([
@@ -75,15 +76,12 @@ fn fields(format: u8) -> Vec<Field> {
     }
     match format {
         1 | 4 => fields.push(field("gps-time", Scalar::F64, 1, 20)),
-        2 => fields.push(field("rgb", Scalar::U16, 3, 20)),
-        3 | 5 => {
-            fields.extend([field("gps-time", Scalar::F64, 1, 20), field("rgb", Scalar::U16, 3, 28)]);
-        }
-        6 | 9 => fields.push(field("gps-time", Scalar::F64, 1, 22)),
-        7 | 8 | 10 => {
-            fields.extend([field("gps-time", Scalar::F64, 1, 22), field("rgb", Scalar::U16, 3, 30)]);
-        }
+        3 | 5 => fields.push(field("gps-time", Scalar::F64, 1, 20)),
+        6..=10 => fields.push(field("gps-time", Scalar::F64, 1, 22)),
         _ => {}
+    }
+    if let Some(at) = color_at(format) {
+        fields.extend([RGB].into_iter().chain(second_color).map(|name| field(name, Scalar::U16, 3, at)));
     }
     if matches!(format, 8 | 10) {
         fields.push(optional(field("nir", Scalar::U16, 1, 36)));
@@ -117,6 +115,16 @@ fn fields(format: u8) -> Vec<Field> {
     fields
 }
 
+/// Where the colour stands in a record, for the formats that have one.
+fn color_at(format: u8) -> Option<usize> {
+    match format {
+        2 => Some(20),
+        3 | 5 => Some(28),
+        7 | 8 | 10 => Some(30),
+        _ => None,
+    }
+}
+
 /// Where the wave packet starts in a record, for the formats that have one.
 fn waveform_at(format: u8) -> Option<usize> {
     match format {
@@ -130,8 +138,8 @@ fn waveform_at(format: u8) -> Option<usize> {
 
 impl Source {
     /// Every attribute the records hold, with where it lies.
-    fn attributes(&self) -> Vec<(Attribute, Place, bool)> {
-        let standard = fields(self.format)
+    fn attributes(&self, second_color: Option<&'static str>) -> Vec<(Attribute, Place, bool)> {
+        let standard = fields(self.format, second_color)
             .into_iter()
             .map(|f| (Attribute::new(f.name, f.scalar, f.elements), f.place, f.always));
         let extra = self.extra.iter().map(|e| {
@@ -185,14 +193,19 @@ impl Unified {
     /// The schema that holds every attribute of every source. `ored` has each
     /// source's records ORed into one. `wanted` names the attributes to keep:
     /// all where it is empty, and where it is `auto` those that are not zero in
-    /// every record.
-    pub fn new(sources: &[(Source, Vec<u8>)], wanted: &[String]) -> Unified {
+    /// every record. `second_color` names one that goes with `rgb` and is a copy
+    /// of it at first.
+    pub fn new(
+        sources: &[(Source, Vec<u8>)],
+        wanted: &[String],
+        second_color: Option<&'static str>,
+    ) -> Unified {
         let mut merged: Vec<(Attribute, bool)> = Vec::new();
         let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
         for (source, ored) in sources {
             let mut of_source = Vec::new();
-            let standard = fields(source.format).len();
-            for (attribute, place, always) in source.attributes() {
+            let standard = fields(source.format, second_color).len();
+            for (attribute, place, always) in source.attributes(second_color) {
                 let used = (always && !is_auto(wanted)) || Source::is_used(place, ored);
                 let taken: Vec<usize> = of_source.iter().map(|(i, _)| *i).collect();
                 let is_extra = taken.len() >= standard;
@@ -210,14 +223,15 @@ impl Unified {
         let mut offsets = vec![None; merged.len()];
         for index in viewing_order(&merged) {
             let (attribute, used) = &merged[index];
-            if !used {
-                unused.push(attribute.name.clone());
-            } else if !wants(&attribute.name) {
-                left_out.push(attribute.name.clone());
-            } else {
+            let is_second = second_color == Some(attribute.name.as_str());
+            if *used && wants(if is_second { RGB } else { &attribute.name }) {
                 offsets[index] = Some(at);
                 at += attribute.size();
                 schema.attributes.push(attribute.clone());
+            } else if !is_second {
+                // A second colour is in no file, so none lost it.
+                let without = if *used { &mut left_out } else { &mut unused };
+                without.push(attribute.name.clone());
             }
         }
         let movers = places.iter().map(|p| Mover::new(p, &offsets, at)).collect();
@@ -278,6 +292,7 @@ pub fn put_position(out: &mut [u8], stored: [i32; 3]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::attribute::{RGB_AVERAGE, RGB_ORIGINAL};
     use super::*;
 
     fn source(format: u8, record_length: usize) -> Source {
@@ -290,7 +305,7 @@ mod tests {
 
     #[test]
     fn format_2_is_as_viewers_know_it() {
-        let u = Unified::new(&[(source(2, 26), vec![0; 26])], &[]);
+        let u = Unified::new(&[(source(2, 26), vec![0; 26])], &[], None);
         assert_eq!(
             names(&u),
             [
@@ -313,7 +328,7 @@ mod tests {
         let mut ored = vec![0; 20];
         ored[14] = 0b1000_0000;
         ored[15] = 0b0100_0000;
-        let u = Unified::new(&[(source(0, 20), ored.clone())], &[]);
+        let u = Unified::new(&[(source(0, 20), ored.clone())], &[], None);
         assert!(names(&u).contains(&"edge of flight line"));
         assert!(names(&u).contains(&"classification flags"));
         assert!(!names(&u).contains(&"scan direction flag"));
@@ -330,7 +345,7 @@ mod tests {
             let s = source(format as u8, len);
             let mut covered = vec![0u8; len];
             covered[..12].fill(0xff);
-            for (_, place, _) in s.attributes() {
+            for (_, place, _) in s.attributes(None) {
                 match place {
                     Place::Bytes { at, len } => covered[at..at + len].iter_mut().for_each(|b| {
                         assert_eq!(*b, 0, "format {format}: overlap");
@@ -359,7 +374,7 @@ mod tests {
         };
         let a = Source { format: 0, record_length: 24, extra: vec![extra(Scalar::F32)] };
         let b = Source { format: 0, record_length: 28, extra: vec![extra(Scalar::F64)] };
-        let u = Unified::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[]);
+        let u = Unified::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[], None);
         assert!(names(&u).contains(&"height") && names(&u).contains(&"height (2)"));
     }
 
@@ -384,18 +399,56 @@ mod tests {
             scale: vec![],
             offset: vec![],
         };
-        let extra = vec![named("rgb", 20), named("rgba", 26), named("position", 32)];
-        let bare = Source { format: 0, record_length: 38, extra };
-        let u = Unified::new(&[(bare, vec![1; 38]), (source(2, 26), vec![1; 26])], &[]);
-        for name in ["rgb (2)", "rgba (2)", "position (2)", "rgb"] {
+        let names_of_ours = ["rgb", "rgba", "position", RGB_AVERAGE, RGB_ORIGINAL];
+        let extra: Vec<_> = names_of_ours.iter().zip(0..).map(|(name, i)| named(name, 20 + 6 * i)).collect();
+        let bare = Source { format: 0, record_length: 50, extra };
+        let u = Unified::new(&[(bare, vec![1; 50]), (source(2, 26), vec![1; 26])], &[], None);
+        for name in ["rgb (2)", "rgba (2)", "position (2)", "rgb average (2)", "rgb original (2)", "rgb"] {
             assert_eq!(names(&u).iter().filter(|n| **n == name).count(), 1, "{name}");
         }
         assert!(!names(&u).contains(&"rgba"));
     }
 
     #[test]
+    fn a_second_colour_goes_with_the_first_and_begins_as_it() {
+        let raw: Vec<u8> = (0..34).collect();
+        let with =
+            |wanted: &[String]| Unified::new(&[(source(3, 34), raw.clone())], wanted, Some(RGB_AVERAGE));
+        let u = with(&[]);
+        let at = names(&u).iter().position(|name| *name == RGB).unwrap();
+        assert_eq!(names(&u)[at + 1], RGB_AVERAGE);
+        let mut out = vec![0xaa; u.schema.record_size()];
+        u.mover(0).apply(&raw, 34, &mut out);
+        for name in [RGB, RGB_AVERAGE] {
+            assert_eq!(out[u.schema.offset_of(name).unwrap()..][..6], raw[28..34], "{name}");
+        }
+        assert_eq!(names(&with(&["RGB".into()])), ["position", RGB, RGB_AVERAGE]);
+        for wanted in [["intensity".into()].as_slice(), &[RGB_AVERAGE.into()]] {
+            let u = with(wanted);
+            assert!(!names(&u).contains(&RGB_AVERAGE), "{wanted:?}");
+            assert!(!u.left_out.contains(&RGB_AVERAGE.into()), "{wanted:?}");
+        }
+        let black = Unified::new(&[(source(2, 26), vec![0; 26])], &["auto".into()], Some(RGB_AVERAGE));
+        assert_eq!(names(&black), ["position"]);
+        assert!(!black.unused.contains(&RGB_AVERAGE.into()) && black.unused.contains(&RGB.into()));
+        let bare = Unified::new(&[(source(1, 28), vec![1; 28])], &[], Some(RGB_AVERAGE));
+        assert!(!names(&bare).contains(&RGB_AVERAGE));
+    }
+
+    #[test]
+    fn files_with_and_without_colours_share_both() {
+        let sources = [(source(1, 28), vec![1; 28]), (source(7, 36), vec![1; 36])];
+        let u = Unified::new(&sources, &[], Some(RGB_ORIGINAL));
+        let mut out = vec![0xaa; u.schema.record_size()];
+        u.mover(0).apply(&[1; 28], 28, &mut out);
+        assert_eq!(out[u.schema.offset_of(RGB).unwrap()..][..12], [0; 12]);
+        u.mover(1).apply(&[1; 36], 36, &mut out);
+        assert_eq!(out[u.schema.offset_of(RGB).unwrap()..][..12], [1; 12]);
+    }
+
+    #[test]
     fn wanted_attributes_only() {
-        let u = Unified::new(&[(source(3, 34), vec![1; 34])], &["RGB".into()]);
+        let u = Unified::new(&[(source(3, 34), vec![1; 34])], &["RGB".into()], None);
         assert_eq!(names(&u), ["position", "rgb"]);
         let raw: Vec<u8> = (0..34).collect();
         let mut out = vec![0; 18];

@@ -10,7 +10,7 @@ use super::hook::Hook;
 use super::size::Size;
 use super::sources::OnDone;
 use crate::render::colour::ColorBy;
-use crate::stage::options::{Damaged, Encoding, Mode, Sampling};
+use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Sampling};
 
 /// What one source of configuration says; what it leaves out is empty.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -94,6 +94,10 @@ pub struct Layer {
     /// How points are stored [default: default].
     #[arg(long, env = "LODESTONE_ENCODING", value_enum, ignore_case = true)]
     pub encoding: Option<Encoding>,
+    /// Colours of coarse levels: those of their points, or means of what these stand for, in an
+    /// attribute of their own or in `rgb` [default: keep].
+    #[arg(long, env = "LODESTONE_LOD_COLOR", value_enum, ignore_case = true)]
+    pub lod_color: Option<LodColor>,
     /// What becomes of data sets with files that are cut, or of which a part cannot be decoded: they
     /// fail, or what can be read of them is converted [default: fail].
     #[arg(long, env = "LODESTONE_DAMAGED", value_enum, ignore_case = true)]
@@ -157,6 +161,7 @@ impl Layer {
             keep_days: self.keep_days.or(other.keep_days),
             sampling: self.sampling.or(other.sampling),
             encoding: self.encoding.or(other.encoding),
+            lod_color: self.lod_color.or(other.lod_color),
             damaged: self.damaged.or(other.damaged),
             outliers: self.outliers.or(other.outliers),
             duplicates: self.duplicates.or(other.duplicates),

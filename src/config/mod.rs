@@ -169,6 +169,7 @@ impl Config {
             options: Options {
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
+                lod_color: layer.lod_color.unwrap_or_default(),
                 damaged: layer.damaged.unwrap_or_default(),
                 outliers: layer.outliers.unwrap_or(Mode::SetAside),
                 duplicates: layer.duplicates.unwrap_or(Mode::SetAside),
@@ -219,6 +220,7 @@ impl Config {
             keep_days: Some(self.keep.unwrap_or(0) as f64 / DAY),
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
+            lod_color: Some(self.options.lod_color),
             damaged: Some(self.options.damaged),
             outliers: Some(self.options.outliers),
             duplicates: Some(self.options.duplicates),
@@ -322,7 +324,7 @@ mod tests {
         let config =
             Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']\n\
                  on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0\n\
-                 preview = false\npreview_frames = 72\npreview_color = 'height'"))
+                 lod_color = 'average'\npreview = false\npreview_frames = 72\npreview_color = 'height'"))
                 .expect("a configuration");
         assert_eq!((config.stall, config.keep), (Some(30_000), None));
         let text = toml::to_string(&config.to_layer()).expect("TOML");

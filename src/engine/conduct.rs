@@ -18,7 +18,7 @@ use crate::stage::error::StageError;
 use crate::stage::index::index;
 use crate::stage::machine;
 use crate::stage::merge::merge;
-use crate::stage::options::Options;
+use crate::stage::options::{LodColor, Options};
 use crate::stage::publish::{self, Octree};
 use crate::stage::receipt::Receipt;
 use crate::stage::scratch::{Scratch, units_done};
@@ -72,6 +72,8 @@ pub struct Outcome {
     pub seconds_by_stage: BTreeMap<Stage, f64>,
     /// Most memory that the process had had by the end of each stage, in bytes.
     pub peak_bytes_by_stage: BTreeMap<Stage, u64>,
+    /// What colours coarse levels have; their own where there are none to average.
+    pub lod_color: LodColor,
     /// Attributes that were left out because they are zero in every point.
     pub unused_attributes: Vec<String>,
     /// What was odd about the inputs.
@@ -190,7 +192,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     if paths.is_empty() {
         return Err(StageError::NoInputs);
     }
-    let mut opened = survey::open(&paths, options.damaged, context)?;
+    let mut opened = survey::open(&paths, options, context)?;
     let staging = Staging::open(disk, &request.output)?;
     let scratch = open_scratch(request, context, &opened, &staging)?;
     traces.are_ours(&staging, scratch.as_deref(), context);
@@ -218,10 +220,11 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
     let files_aside = set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)?;
     drop(runs);
-    let statistics = indexed.statistics.clone();
-    let points = times.measure(Stage::Merge, || {
+    let mut statistics = indexed.statistics.clone();
+    let merged = times.measure(Stage::Merge, || {
         merge(&survey, indexed, &octree_file, scratch.as_ref(), options, context)
     })?;
+    statistics.merge(&merged.statistics);
     let set_aside = set_aside::tally(&aside);
     let points_aside = set_aside.values().sum();
     let completed = times.measure(Stage::Publish, || {
@@ -236,7 +239,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let outcome = Outcome {
         files: paths.len() as u64,
         points_in: survey.points,
-        points_out: points,
+        points_out: merged.points,
         points_set_aside: points_aside,
         points_missing: survey.missing,
         set_aside,
@@ -251,6 +254,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         units_resumed,
         seconds_by_stage: times.seconds,
         peak_bytes_by_stage: times.peaks,
+        lod_color: LodColor::of(&survey.unified.schema),
         unused_attributes: survey.unified.unused.clone(),
         notes: survey.notes.clone(),
     };

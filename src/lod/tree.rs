@@ -25,6 +25,10 @@ pub const LEAF_LIMIT: usize = 10_000;
 /// Receives each node once its points are final, children before parents.
 pub trait Emit {
     type Error;
+    /// A node's sample was chosen: which of the candidates (its children's points)
+    /// it takes, before any of them is moved. `has_below` says whether there are
+    /// nodes below the children.
+    fn sampled(&mut self, _frame: Frame, _has_below: bool, _candidates: &[&[Item]], _taken: &[bool]) {}
     /// A node that holds points or has children. `items` are the node's own, in
     /// Morton order.
     fn node(&mut self, node: NodeKey, frame: Frame, items: &[Item]) -> Result<(), Self::Error>;
@@ -198,10 +202,12 @@ impl<'s, E: Emit> Builder<'s, E> {
             let items = children.iter_mut().flat_map(|c| c.set.items().iter().copied()).collect();
             return Ok(Grown { node, set: Set::Sampled(items), has_children: false, crowded: true });
         }
+        let has_below = children.iter().any(|c| c.has_children);
         let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
         let frame = Frame::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
+        self.emit.sampled(frame, has_below, &candidates, &self.taken);
         let mut accepted = Vec::with_capacity(self.taken.iter().filter(|t| **t).count() + 1);
         let mut rest = self.taken.as_slice();
         let mut kept = Vec::with_capacity(children.len());

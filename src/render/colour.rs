@@ -7,7 +7,7 @@ use super::error::{RenderError, Result};
 use super::octree::Octree;
 use super::palette;
 use super::sample::{Sample, percentile};
-use crate::cloud::attribute::{Scalar, Schema};
+use crate::cloud::attribute::{RGB, RGB_AVERAGE, Scalar, Schema};
 
 /// What to colour by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
@@ -54,7 +54,7 @@ impl Painter {
         let missing = |attribute| RenderError::NoAttribute { folder: octree.folder.clone(), attribute };
         match by {
             ColorBy::Rgb => {
-                let offset = two_bytes(schema, "rgb", 3).ok_or_else(|| missing("rgb"))?;
+                let offset = own_color(octree).ok_or_else(|| missing("rgb"))?;
                 Ok(rgb(sample, offset).unwrap_or(Painter::Rgb { offset, gain: 1.0 / 256.0 }))
             }
             ColorBy::Intensity => {
@@ -66,7 +66,7 @@ impl Painter {
                 Ok(Painter::Classification { offset })
             }
             ColorBy::Height => Ok(height(sample)),
-            ColorBy::Auto => Ok(automatic(schema, sample)),
+            ColorBy::Auto => Ok(automatic(octree, sample)),
         }
     }
 
@@ -95,8 +95,9 @@ impl Painter {
     }
 }
 
-fn automatic(schema: &Schema, sample: &Sample) -> Painter {
-    let own = two_bytes(schema, "rgb", 3).and_then(|offset| rgb(sample, offset));
+fn automatic(octree: &Octree, sample: &Sample) -> Painter {
+    let schema = &octree.schema;
+    let own = own_color(octree).and_then(|offset| rgb(sample, offset));
     let by_intensity = || {
         let painter = intensity(sample, two_bytes(schema, "intensity", 1)?);
         matches!(painter, Painter::Intensity { range, .. } if range > 1.0).then_some(painter)
@@ -163,6 +164,15 @@ fn height(sample: &Sample) -> Painter {
 
 fn u16_at(record: &[u8], offset: usize) -> u16 {
     record.get(offset..).and_then(|bytes| bytes.first_chunk()).map_or(0, |b| u16::from_le_bytes(*b))
+}
+
+/// Where a record has its colour: the average of what it stands for, where the
+/// octree has those beside, for pictures show few of the points.
+fn own_color(octree: &Octree) -> Option<usize> {
+    let generator = octree.metadata.generator.as_ref();
+    let has_averages = generator.is_some_and(|generator| generator.lod_color.as_deref() == Some("attribute"));
+    let average = if has_averages { two_bytes(&octree.schema, RGB_AVERAGE, 3) } else { None };
+    average.or_else(|| two_bytes(&octree.schema, RGB, 3))
 }
 
 /// Where an attribute of sixteen-bit numbers stands in the record.

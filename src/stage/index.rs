@@ -62,7 +62,7 @@ pub struct Indexed {
     pub rising: Vec<Rising>,
     /// Samples along the chunks' borders.
     pub halos: Halos,
-    /// Of all points, also of those that rise.
+    /// Of all points, also of those that rise (but for averaged colours).
     pub statistics: Statistics,
     /// Points in the nodes that were written.
     pub points: u64,
@@ -73,7 +73,9 @@ pub struct Indexed {
 /// A chunk, or a step of the merge, when it is done.
 pub struct Done {
     pub root: Rising,
-    /// Of a chunk's points, wherever they end up; the merge adds nothing to them.
+    /// Of a chunk's points, wherever they end up; but the range of averaged colours
+    /// is that of the nodes that were written, of a step of the merge too, which
+    /// adds nothing else.
     pub statistics: Statistics,
     /// Points in the nodes that were written.
     pub points: u64,
@@ -135,7 +137,8 @@ fn threads_for_memory(survey: &Survey, options: &Options, context: &Context) -> 
         |chunk: &Chunk| if is_crowd(survey, options, chunk) { LEAF_LIMIT as u64 } else { chunk.points };
     let largest = survey.plan.chunks.iter().map(in_hand).max().unwrap_or(0);
     let raw = survey.inputs.iter().map(|i| i.source.record_length).max().unwrap_or(0);
-    let needed = chunk_memory(largest, raw as u64, survey.unified.schema.record_size() as u64);
+    let size = survey.unified.schema.record_size() as u64;
+    let needed = chunk_memory(largest, raw as u64, size, options.lod_color);
     match context.memory_limit / needed {
         0 => Err(StageError::MemoryTooSmall { limit: context.memory_limit, needed }),
         fitting => Ok(context.threads.min(fitting as usize)),
@@ -222,11 +225,12 @@ impl<'o> Indexer<'o> {
         if builder.emit.points + root.items.len() as u64 + set_aside != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
-        let NodeWriter { records: all, block, points, .. } = builder.emit;
-        let statistics = match kept_out.is_empty() {
+        let NodeWriter { records: all, block, points, averages, .. } = builder.emit;
+        let mut statistics = match kept_out.is_empty() {
             true => statistics,
             false => statistics_without(schema, &all, kept_out),
         };
+        averages.iter().for_each(|averages| averages.tell(&mut statistics));
         self.records = all;
         let halo = Kept::Memory(root.rims);
         let root = Rising {

@@ -7,6 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
+use super::averages::Averages;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::halos::{self, Kept, Turn};
@@ -29,8 +30,16 @@ use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 /// flat country fills 16.
 const CUT: u8 = 2;
 
+/// What there is to say of the nodes.
+pub struct Merged {
+    /// In all nodes, those of the chunks too.
+    pub points: u64,
+    /// Of what the merge wrote, as far as the chunks could not know it: the range
+    /// of averaged colours.
+    pub statistics: Statistics,
+}
+
 /// Samples and writes everything above the chunks, and the chunks' roots.
-/// Returns the number of all points.
 pub fn merge(
     survey: &Survey,
     indexed: Indexed,
@@ -38,13 +47,14 @@ pub fn merge(
     scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
-) -> Result<u64> {
+) -> Result<Merged> {
     let scratch = scratch.map(|scratch| &**scratch);
     let rising_points: u64 = indexed.rising.iter().map(|r| r.points(survey)).sum();
     context.progress.begin(Stage::Merge, rising_points);
     let above = ancestors(&indexed.rising);
     let mut next_block = indexed.rising.len();
     let mut points = indexed.points;
+    let mut statistics = Statistics::empty(&survey.unified.schema);
 
     let (subtrees, mut top) = cut(indexed.rising);
     let mut halos = indexed.halos;
@@ -71,16 +81,17 @@ pub fn merge(
                     merger.subtree(*node, octree, &turn, number)
                 }
             };
-            let Done { root, points, halo, .. } = subtree.inspect_err(|_| octree.fail())?;
+            let Done { root, points, statistics, halo, .. } = subtree.inspect_err(|_| octree.fail())?;
             turn.done(halo);
-            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points));
+            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points, statistics));
             Ok(())
         },
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let (root, more) = subtree;
+        let (root, more, range) = subtree;
         points += more;
+        statistics.merge(&range);
         top.insert(root.node, root);
     }
 
@@ -90,10 +101,15 @@ pub fn merge(
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
-    let NodeWriter { block, points: more, .. } = merger.writer;
+    let NodeWriter { block, points: more, averages, .. } = merger.writer;
     octree.submit(next_block, block, None)?;
     turn.done(Kept::Memory(Vec::new()));
-    Ok(points + more)
+    if let Some(averages) = averages {
+        let mut range = Statistics::empty(&survey.unified.schema);
+        averages.tell(&mut range);
+        statistics.merge(&range);
+    }
+    Ok(Merged { points: points + more, statistics })
 }
 
 /// Nodes that have chunks below them.
@@ -112,8 +128,9 @@ fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
 
 type Roots = HashMap<NodeKey, Rising>;
 
-/// A subtree's topmost node once it is there, and the points below it.
-type Slot = Mutex<Option<(Rising, u64)>>;
+/// A subtree's topmost node once it is there, the points below it, and their
+/// statistics.
+type Slot = Mutex<Option<(Rising, u64, Statistics)>>;
 
 /// Chunks below the cut by the subtree they are in, in the order in which the
 /// subtrees take their turns, and those at or above it.
@@ -195,8 +212,9 @@ impl<'a> Merger<'a> {
         let halo = Kept::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
         let Grown { node, has_children, crowded, records, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
-        let NodeWriter { block, points, .. } = self.writer;
-        let statistics = Statistics::empty(&self.survey.unified.schema);
+        let NodeWriter { block, points, averages, .. } = self.writer;
+        let mut statistics = Statistics::empty(&self.survey.unified.schema);
+        averages.iter().for_each(|averages| averages.tell(&mut statistics));
         let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
         let done = Done { root, statistics, points, aside: Vec::new(), halo };
         index::hand_in(octree, number, block, done, self.scratch)
@@ -240,10 +258,18 @@ impl<'a> Merger<'a> {
             let items = self.items(&records);
             return Ok(Grown { node, has_children: false, crowded: true, records, items });
         }
+        let has_below = children.iter().any(|c| c.has_children);
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
         let frame = Frame::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
+        if let Some(Averages { averager, field, .. }) = &mut self.writer.averages {
+            let colour = |set: usize, index: u32| field.get(&children[set].records, index);
+            let means = averager.means(frame, has_below, &candidates, &self.taken, colour);
+            for mean in means {
+                field.put(&mut children[usize::from(mean.set)].records, mean.index, mean.colour);
+            }
+        }
         let size = self.survey.unified.schema.record_size();
         let mut records = Vec::new();
         let mut items = Vec::new();

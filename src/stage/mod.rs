@@ -3,6 +3,7 @@
 //! each other's insides; they hand over values, and `engine::conduct` puts them
 //! in a row.
 
+mod averages;
 pub mod context;
 pub mod counting;
 pub mod damage;

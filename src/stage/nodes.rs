@@ -1,6 +1,7 @@
 //! Raw records become the octree's, once, in the order in which they lie; finished
 //! nodes become bytes: records picked coarse to fine, and encoded.
 
+use super::averages::Averages;
 use super::error::StageError;
 use super::options::Encoding;
 use super::output::{Block, NodeEntry};
@@ -27,6 +28,8 @@ pub struct NodeWriter<'a> {
     pub records: Vec<u8>,
     schema: &'a Schema,
     encoding: Encoding,
+    /// Where coarse levels have averaged colours.
+    pub averages: Option<Averages>,
     /// Buffers.
     order: Vec<u32>,
     plain: Vec<u8>,
@@ -40,6 +43,7 @@ impl<'a> NodeWriter<'a> {
             records: Vec::new(),
             schema: &survey.unified.schema,
             encoding,
+            averages: Averages::of(&survey.unified.schema),
             order: Vec::new(),
             plain: Vec::new(),
             block: Block::default(),
@@ -84,7 +88,19 @@ impl<'a> NodeWriter<'a> {
 impl Emit for NodeWriter<'_> {
     type Error = StageError;
 
+    fn sampled(&mut self, frame: Frame, has_below: bool, candidates: &[&[Item]], taken: &[bool]) {
+        let Some(Averages { averager, field, .. }) = &mut self.averages else { return };
+        let records = &mut self.records;
+        let colour = |_: usize, index: u32| field.get(records, index);
+        for mean in averager.means(frame, has_below, candidates, taken, colour) {
+            field.put(records, mean.index, mean.colour);
+        }
+    }
+
     fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), StageError> {
+        if let Some(averages) = &mut self.averages {
+            averages.written(&self.records, items);
+        }
         let offset = self.block.bytes.len() as u64;
         match self.encoding {
             Encoding::Default => self.put_plain(items),

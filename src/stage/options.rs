@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::cloud::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
 use crate::lod::nearest::NearestToCentre;
 use crate::lod::poisson::PoissonDisk;
 use crate::lod::random::RandomInGrid;
@@ -60,6 +61,56 @@ pub enum Encoding {
     Brotli,
 }
 
+/// What colours the points of coarse levels have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LodColor {
+    /// Their own.
+    #[default]
+    Keep,
+    /// Their own, and the mean of what they stand for in an attribute beside it.
+    Attribute,
+    /// The mean of what they stand for, and their own in an attribute beside it.
+    Average,
+}
+
+impl LodColor {
+    /// The attribute that stands behind `rgb` for it.
+    pub fn second(self) -> Option<&'static str> {
+        match self {
+            LodColor::Keep => None,
+            LodColor::Attribute => Some(RGB_AVERAGE),
+            LodColor::Average => Some(RGB_ORIGINAL),
+        }
+    }
+
+    /// The attribute that holds the means.
+    pub fn mean(self) -> Option<&'static str> {
+        match self {
+            LodColor::Keep => None,
+            LodColor::Attribute => Some(RGB_AVERAGE),
+            LodColor::Average => Some(RGB),
+        }
+    }
+
+    /// What was made of it: where a cloud has no colours, or they are not kept,
+    /// there is nothing to average. No field of an input has these names.
+    pub fn of(schema: &Schema) -> LodColor {
+        let all = [LodColor::Attribute, LodColor::Average];
+        let has = |kind: &LodColor| kind.second().is_some_and(|name| schema.offset_of(name).is_some());
+        all.into_iter().find(has).unwrap_or_default()
+    }
+
+    /// As options and octrees name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            LodColor::Keep => "keep",
+            LodColor::Attribute => "attribute",
+            LodColor::Average => "average",
+        }
+    }
+}
+
 /// What becomes of points that a guard finds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -90,6 +141,8 @@ pub enum Damaged {
 pub struct Options {
     pub sampling: Sampling,
     pub encoding: Encoding,
+    /// Colours of coarse levels.
+    pub lod_color: LodColor,
     /// Few points so far away that the cube would be made for them.
     pub outliers: Mode,
     /// Points at one position beyond a leaf's worth.
@@ -110,6 +163,7 @@ impl Default for Options {
         Options {
             sampling: Sampling::default(),
             encoding: Encoding::default(),
+            lod_color: LodColor::Keep,
             outliers: Mode::SetAside,
             duplicates: Mode::SetAside,
             twins: Mode::Keep,

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::options::{Encoding, Options};
+use super::options::{Encoding, LodColor, Options};
 use super::output::NodeEntry;
 use super::survey::Survey;
 use crate::cloud::statistics::Statistics;
@@ -118,6 +118,9 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
             name: "lodestone".into(),
             version: env!("CARGO_PKG_VERSION").into(),
             sampling: options.sampling.name().into(),
+            lod_color: Some(LodColor::of(schema))
+                .filter(|kind| *kind != LodColor::Keep)
+                .map(|kind| kind.name().into()),
             left_out: survey.unified.left_out.clone(),
         }),
         attributes: schema

@@ -61,7 +61,8 @@ pub struct Built {
     pub at: Option<u64>,
     /// Points in the finished nodes.
     pub points: u64,
-    /// Of all of a chunk's points; of a step of the merge, empty.
+    /// Of all of a chunk's points; of a step of the merge, empty but for averaged
+    /// colours.
     pub statistics: Statistics,
     /// Its topmost node, which waits for the levels above.
     pub root: Risen,

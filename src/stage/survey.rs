@@ -14,7 +14,7 @@ use super::context::Context;
 use super::counting::{Base, Counter, Findings};
 use super::damage;
 use super::error::{Result, StageError};
-use super::options::{Damaged, Options};
+use super::options::{Damaged, LodColor, Options};
 use super::receipt::{self, Identity};
 use super::region::Region;
 use super::scratch::Scratch;
@@ -24,6 +24,7 @@ use crate::cloud::lattice::{Lattice, Requantise};
 use crate::cloud::plan::{self, Plan};
 use crate::cloud::record::{self, Source, Unified};
 use crate::format::las::{LasFile, Slice};
+use crate::lod::average;
 
 /// One input file that has points.
 pub struct Input {
@@ -94,20 +95,24 @@ pub struct Survey {
 
 /// Memory that indexing a chunk of so many points takes, in bytes: two arrays
 /// of items and the finished records beside the raw ones.
-pub fn chunk_memory(points: u64, raw: u64, record: u64) -> u64 {
-    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20)
+pub fn chunk_memory(points: u64, raw: u64, record: u64, lod_color: LodColor) -> u64 {
+    let averages = match lod_color {
+        LodColor::Keep => 0,
+        LodColor::Attribute | LodColor::Average => average::MEMORY + points * average::MEMORY_A_CANDIDATE,
+    };
+    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages
 }
 
 /// Opens the inputs, each a file.
-pub fn open(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Opened> {
-    let Files { files, missing, notes } = open_all(paths, damaged, context)?;
+pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
+    let Files { files, missing, notes } = open_all(paths, options.damaged, context)?;
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
         return Err(StageError::NoPoints(names.join(", ")));
     }
     let units = cut_into_units(&files, points);
-    let in_core = fits_in_core(&files, &units, points, context);
+    let in_core = fits_in_core(&files, &units, points, options, context);
     Ok(Opened { files, units, points, missing, in_core, notes })
 }
 
@@ -165,7 +170,7 @@ pub fn survey(
 
     let ored: Vec<(Source, Vec<u8>)> =
         sources.iter().cloned().zip(found.into_iter().map(|f| f.ored)).collect();
-    let mut unified = Unified::new(&ored, &options.attributes);
+    let mut unified = Unified::new(&ored, &options.attributes, options.lod_color.second());
     check_wanted(options, &unified)?;
     let Base { lattice, requantise, cube } = base;
     let position = &mut unified.schema.attributes[0];
@@ -262,12 +267,19 @@ fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
 const IN_CORE_POINTS: u64 = 100_000_000;
 
 /// Whether all raw records fit the memory limit beside the work on them.
-fn fits_in_core(files: &[LasFile], units: &[Unit], points: u64, context: &Context) -> bool {
+fn fits_in_core(
+    files: &[LasFile],
+    units: &[Unit],
+    points: u64,
+    options: &Options,
+    context: &Context,
+) -> bool {
     let raw: u64 = files.iter().map(|f| f.header().points * f.header().record_length as u64).sum();
     let longest = files.iter().map(|f| f.header().record_length as u64).max().unwrap_or(0);
     let slice = units.iter().map(|u| u64::from(u.slice.points)).max().unwrap_or(0) * longest;
     let chunk = points.min(plan::chunk_limit(points));
-    let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, longest + 8));
+    let record = longest + 8 + options.lod_color.second().map_or(0, |_| 6);
+    let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, record, options.lod_color));
     let needed = raw + work + plan::census_cells(points) * 16 + (32 << 20);
     needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }

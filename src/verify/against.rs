@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
+use super::colours;
 use super::digest::{BUCKETS, Sum, bucket_of, digest};
 use super::inputs::{self, Block};
 use super::octree::{Octree, position};
@@ -87,12 +88,20 @@ pub fn compare(
         extra: difference.extra,
         position: found.position,
         left_out: left_out.to_vec(),
-        checks: vec![
+        checks: [
             points(octree, &found, aside.sum.count(), &difference, examples),
             positions(&found, aside.unreachable),
             attributes(octree, &found, left_out),
-        ],
+        ]
+        .into_iter()
+        .chain(colours::note(octree))
+        .collect(),
     })
+}
+
+/// Averages come from no input.
+fn compared_attributes(octree: &Octree) -> usize {
+    octree.schema.attributes.len() - usize::from(octree.colours.is_some())
 }
 
 fn points(
@@ -102,7 +111,7 @@ fn points(
     difference: &Difference,
     examples: Vec<String>,
 ) -> Check {
-    let attributes = octree.schema.attributes.len();
+    let attributes = compared_attributes(octree);
     let set_aside = match aside {
         0 => String::new(),
         count => format!(", {} of them set aside", grouped(count)),
@@ -160,7 +169,7 @@ fn attributes(octree: &Octree, found: &Inputs, left_out: &[String]) -> Check {
         let text = format!("{count} {} of the inputs lost", plural(count, "attribute", "attributes"));
         return Check { count, examples, ..Check::wrong("attributes", text) };
     }
-    let all = octree.schema.attributes.len();
+    let all = compared_attributes(octree);
     match left_out.len() {
         0 => Check::ok(
             "attributes",
@@ -354,7 +363,7 @@ fn concat_hashes(mut a: Vec<u128>, b: Vec<u128>) -> Vec<u128> {
     a
 }
 
-/// Folds the readable nodes' records. A node that does not decode was told by
+/// Folds the readable nodes' records, as they are to be compared. A node that does not decode was told by
 /// the walk; here its points are simply not there.
 fn fold_octree<A: Send>(
     octree: &Octree,
@@ -365,7 +374,9 @@ fn fold_octree<A: Send>(
     let nodes = octree.nodes.par_iter().enumerate().filter(|(_, node)| octree.is_readable(node));
     nodes
         .fold(&start, |mut state, (index, node)| {
-            let _ = octree.blocks(node, |records| each(&mut state, index, records));
+            let mut buffer = Vec::new();
+            let _ =
+                octree.blocks(node, |records| each(&mut state, index, octree.compared(records, &mut buffer)));
             state
         })
         .reduce(&start, merge)

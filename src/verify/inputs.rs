@@ -27,7 +27,7 @@ impl Input {
             Some(file) => file.clone(),
             None => Arc::new(LasFile::open(path)?),
         };
-        let mapping = Mapping::new(file.header(), &octree.metadata, &octree.schema);
+        let mapping = Mapping::new(file.header(), octree);
         Ok(Input { file, mapping })
     }
 }

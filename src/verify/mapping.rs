@@ -4,8 +4,8 @@
 
 use crate::cloud::attribute::{Attribute, ExtraField, Scalar, Schema};
 use crate::format::las::Header;
-use crate::format::potree::Metadata;
 
+use super::octree::Octree;
 use super::report::PositionError;
 
 /// Where an attribute's value stands in a LAS record.
@@ -42,9 +42,9 @@ const fn bytes(at: usize, length: usize) -> Source {
     Source::Bytes { at, length }
 }
 
-/// The names that mean the standard's own fields wherever they occur; an extra
-/// field of such a name is stored under another.
-const STANDARD: [&str; 25] = [
+/// The names that mean the standard's own fields, or averages of them, wherever
+/// they occur; an extra field of such a name is stored under another.
+const STANDARD: [&str; 27] = [
     "position",
     "intensity",
     "return number",
@@ -57,6 +57,8 @@ const STANDARD: [&str; 25] = [
     "point source id",
     "gps-time",
     "rgb",
+    "rgb average",
+    "rgb original",
     "nir",
     "scanner channel",
     "scan direction flag",
@@ -204,7 +206,8 @@ pub struct Converted {
 }
 
 impl Mapping {
-    pub fn new(header: &Header, metadata: &Metadata, schema: &Schema) -> Mapping {
+    pub fn new(header: &Header, octree: &Octree) -> Mapping {
+        let Octree { metadata, schema, colours, .. } = octree;
         let axis =
             |a: usize| Axis::new(header.scale[a], header.offset[a], metadata.scale[a], metadata.offset[a]);
         let mut mapping = Mapping {
@@ -218,6 +221,7 @@ impl Mapping {
             record_size: schema.record_size(),
         };
         for Field(name, scalar, elements, source) in standard_fields(header.point_format) {
+            let name = colours.as_ref().filter(|_| name == "rgb").map_or(name, |colours| colours.own);
             match schema.attributes.iter().find(|a| a.name == name) {
                 Some(a) if (a.scalar, a.elements) == (scalar, elements) => mapping.take(schema, name, source),
                 Some(_) => mapping.mistyped.push(name.to_string()),

@@ -7,6 +7,7 @@
 //! with the converter is only what reads the formats.
 
 mod against;
+mod colours;
 mod cube;
 mod digest;
 mod inputs;

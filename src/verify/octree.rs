@@ -8,6 +8,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::colours::Colours;
 use crate::cloud::attribute::Schema;
 use crate::format::las::LasFile;
 use crate::format::potree::{self, Encoding, Metadata, Node, PotreeError};
@@ -19,6 +20,8 @@ const BLOCK: usize = 1 << 16;
 pub struct Octree {
     pub metadata: Metadata,
     pub schema: Schema,
+    /// The two colours of a point, where coarse levels are averaged.
+    pub colours: Option<Colours>,
     /// Sorted by name.
     pub nodes: Vec<Node>,
     pub oddities: Vec<potree::hierarchy::Oddity>,
@@ -80,7 +83,8 @@ impl Octree {
         let bytes = file.metadata().map_err(read(potree::OCTREE))?.len();
         let set_aside = set_aside(folder);
         let (metadata, readable) = (metadata.clone(), HashMap::new());
-        Ok(Octree { metadata, schema, nodes, oddities, bytes, set_aside, readable, file })
+        let colours = Colours::of(&metadata, &schema);
+        Ok(Octree { metadata, schema, colours, nodes, oddities, bytes, set_aside, readable, file })
     }
 
     /// Whether a node's bytes lie in octree.bin and can be as many points.
@@ -92,6 +96,13 @@ impl Octree {
             Encoding::Brotli => (node.size == 0) == (node.points == 0),
         };
         fits && end.is_some_and(|end| end <= self.bytes)
+    }
+
+    /// Records as they are to be compared with those of the inputs.
+    pub fn compared<'r>(&self, records: &'r [u8], buffer: &'r mut Vec<u8>) -> &'r [u8] {
+        let Some(colours) = &self.colours else { return records };
+        colours.without_means(records, self.schema.record_size(), buffer);
+        buffer
     }
 
     /// Hands over the records of a node block by block, in their order.

@@ -31,6 +31,7 @@ pub fn metadata(exponent: i32) -> Metadata {
             name: "lodestone".into(),
             version: "0".into(),
             sampling: "poisson".into(),
+            lod_color: None,
             left_out: Vec::new(),
         }),
         attributes: Vec::new(),

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::colours::Means;
 use super::cube::Cube;
 use super::digest::Sum;
 use super::octree::{Octree, position};
@@ -31,6 +32,7 @@ pub struct Walk {
     crowded: Findings,
     /// Inner nodes that were held to it, and their points.
     inner: (u64, u64),
+    means: Means,
     tally: Tally,
     pub sum: Sum,
 }
@@ -42,6 +44,7 @@ impl Walk {
             outside: Findings::default(),
             crowded: Findings::default(),
             inner: (0, 0),
+            means: Means::default(),
             tally: Tally::new(&octree.schema),
             sum: Sum::default(),
         }
@@ -52,6 +55,7 @@ impl Walk {
         self.outside.merge(other.outside);
         self.crowded.merge(other.crowded);
         self.inner = (self.inner.0 + other.inner.0, self.inner.1 + other.inner.1);
+        self.means.merge(other.means);
         self.tally.merge(other.tally);
         self.sum.merge(&other.sum);
         self
@@ -101,7 +105,8 @@ fn visit(
     let is_inner = node.child_mask != 0 && node.points > 0 && rule != Rule::None;
     let mut sample: Vec<[i32; 3]> = Vec::new();
     let mut outside = 0;
-    let Walk { undecodable, outside: findings, tally, sum, .. } = walk;
+    let mut buffer = Vec::new();
+    let Walk { undecodable, outside: findings, means, tally, sum, .. } = walk;
     let read = octree.blocks(node, |records| {
         for record in records.chunks_exact(record_size) {
             let place = position(record);
@@ -113,10 +118,11 @@ fn visit(
             if is_inner && is_inside && node.points <= spacing::MOST_POINTS {
                 sample.push(place);
             }
-            if with_sum {
-                sum.add(record);
-            }
         }
+        if with_sum {
+            octree.compared(records, &mut buffer).chunks_exact(record_size).for_each(|r| sum.add(r));
+        }
+        means.add(octree, (index, node), records);
         tally.add(&octree.schema, records);
     });
     if let Err(error) = read {
@@ -185,6 +191,7 @@ impl Walk {
     /// What the pass found, in words.
     pub fn checks(self, octree: &Octree, spacing: Spacing) -> Vec<Check> {
         let statistics = statistics(octree, &self.tally);
+        let averages = self.means.clone().check(octree, &self.tally);
         let readable = self.undecodable.count == 0;
         let bounds = if Cube::new(&octree.metadata).is_lattice() { "to the unit" } else { "within a unit" };
         let crowded = self.spacing_check(octree);
@@ -193,7 +200,7 @@ impl Walk {
             Spacing::Report => false,
             Spacing::Auto => is_ours(&octree.metadata),
         };
-        vec![
+        let checks = [
             Check::of("decoding", self.undecodable, "every node decodes", "nodes do not decode"),
             Check::of(
                 "boxes",
@@ -206,7 +213,8 @@ impl Walk {
                 true => statistics,
                 false => Check::skipped("statistics", "not all points could be read"),
             },
-        ]
+        ];
+        checks.into_iter().chain(averages).collect()
     }
 
     fn spacing_check(&self, octree: &Octree) -> Check {

@@ -56,7 +56,7 @@ impl Marker {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::options::Sampling;
+    use crate::stage::options::{LodColor, Sampling};
 
     fn read(text: &str) -> Result<Marker, String> {
         let folder = tempfile::tempdir().expect("a folder");
@@ -72,11 +72,14 @@ mod tests {
 
     #[test]
     fn options_lie_over_those_of_the_daemon() {
-        let marker =
-            read(r#"{"name": "city", "priority": 5, "options": {"sampling": "random"}}"#).expect("fine");
+        let marker = read(
+            r#"{"name": "city", "priority": 5, "options": {"sampling": "random", "lod_color": "average"}}"#,
+        )
+        .expect("fine");
         let base = Options { attributes: vec!["intensity".into()], ..Options::default() };
         let options = marker.options_over(&base).expect("fine");
-        assert_eq!((options.sampling, options.attributes), (Sampling::Random, base.attributes));
+        assert_eq!((options.sampling, options.lod_color), (Sampling::Random, LodColor::Average));
+        assert_eq!(options.attributes, base.attributes);
     }
 
     #[test]

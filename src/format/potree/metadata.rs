@@ -83,6 +83,11 @@ pub struct Generator {
     /// `random`, `nearest`: at most one in each cell of an inner node's 128³ grid.
     #[serde(default)]
     pub sampling: String,
+    /// `attribute`: the points of coarse levels have the mean of the colours that
+    /// they stand for in `rgb average`; `average`: in `rgb`, and their own in `rgb
+    /// original`. None: their own in `rgb`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lod_color: Option<String>,
     /// Attributes of the inputs that were left out on request.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
