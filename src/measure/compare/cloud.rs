@@ -35,7 +35,7 @@ impl Cloud {
 
 /// Where a method's octree lies until it is measured.
 pub fn octree(place: &Place, method: Method) -> PathBuf {
-    place.at(&format!("octree-{}", method.name()))
+    place.at(&format!("octree of {}", method.name()))
 }
 
 pub fn measure(wishes: &Wishes, cloud: &Cloud, place: &Place, steps: &Steps) -> Result<SceneReport> {
@@ -56,9 +56,12 @@ pub fn measure(wishes: &Wishes, cloud: &Cloud, place: &Place, steps: &Steps) -> 
     let bytes = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|meta| meta.len()).sum();
     let (points, mut methods) = conversion::measure(wishes, &name, &path, place, steps)?;
     let speeds = sampler::measure(wishes, &name, &files, steps)?;
-    for ((method, figures), sampler_ns) in Method::ALL.into_iter().zip(&mut methods).zip(speeds) {
+    for (method, speed) in Method::samplers().zip(speeds) {
+        let figures = methods.iter_mut().find(|figures| figures.method == method.name());
+        figures.into_iter().for_each(|figures| figures.sampler_ns = Some(speed));
+    }
+    for (method, figures) in Method::ALL.into_iter().zip(&mut methods) {
         steps.next(format!("{name}: spacing of {}", method.name()));
-        figures.sampler_ns = sampler_ns;
         figures.even = evenness::total(&evenness::of_levels(&octree(place, method))?);
         wishes.means.go_on()?;
     }

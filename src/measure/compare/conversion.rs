@@ -43,13 +43,13 @@ pub fn measure(
         let path = folder.join(potree::OCTREE);
         let size = std::fs::metadata(&path).map_err(|source| MeasureError::Folder { path, source })?.len();
         methods.push(MethodReport {
-            method: method.name().to_string(),
+            method: method.name(),
             wall: spread(runs.iter().map(|run| run.wall)),
             cpu: spread(runs.iter().map(|run| run.cpu)),
             peak: spread(runs.iter().map(|run| run.peak as f64)).median as u64,
             seconds_by_stage: stages(&folder)?,
             octree_bytes: size,
-            sampler_ns: spread(std::iter::empty()),
+            sampler_ns: None,
             even: Evenness::default(),
             pictures: Vec::new(),
         });

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 
 use super::means::{Means, Place, Result, Step};
 use crate::render::framing::View;
-use crate::stage::options::Sampling;
+use crate::stage::options::{LodColor, Sampling};
 use crate::synth::Kind;
 pub use page::{main_chart, page};
 pub use report::{Report, read};
@@ -77,24 +77,34 @@ const VIEWS: [(&str, View); 4] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
     pub sampling: Sampling,
+    /// Whether coarse levels show the mean colour of what their points stand for.
+    pub averaged: bool,
 }
 
 impl Method {
     /// In the order of the charts; the first is the default.
-    pub const ALL: [Method; 4] = [
-        Method { sampling: Sampling::Poisson },
-        Method { sampling: Sampling::Shells },
-        Method { sampling: Sampling::Random },
-        Method { sampling: Sampling::Nearest },
+    pub const ALL: [Method; 6] = [
+        Method { sampling: Sampling::Poisson, averaged: false },
+        Method { sampling: Sampling::Shells, averaged: false },
+        Method { sampling: Sampling::Random, averaged: false },
+        Method { sampling: Sampling::Nearest, averaged: false },
+        Method { sampling: Sampling::Poisson, averaged: true },
+        Method { sampling: Sampling::Random, averaged: true },
     ];
 
-    pub fn name(self) -> &'static str {
-        self.sampling.name()
+    /// Those that choose other points than all before.
+    pub fn samplers() -> impl Iterator<Item = Method> {
+        Method::ALL.into_iter().filter(|method| !method.averaged)
+    }
+
+    pub fn name(self) -> String {
+        format!("{}{}", self.sampling.name(), if self.averaged { ", averaged" } else { "" })
     }
 
     /// What `lodestone convert` is to be told.
     fn arguments(self) -> Vec<&'static str> {
-        vec!["-m", self.sampling.name()]
+        let colour = if self.averaged { LodColor::Average } else { LodColor::Keep };
+        vec!["-m", self.sampling.name(), "--lod-color", colour.name()]
     }
 }
 
@@ -118,11 +128,11 @@ pub fn measure(wishes: &Wishes, say: &dyn Fn(Step)) -> Result<Report> {
     let place = Place::new(&wishes.means)?;
     let clouds = cloud::all(wishes);
     // A cloud is made, converted, sampled, looked at, and drawn.
-    let of_cloud = 2 + wishes.means.rounds * (1 + Method::ALL.len()) + Method::ALL.len() + VIEWS.len();
-    let of = clouds.len() * of_cloud + Method::ALL.len();
+    let of_cloud = 1 + wishes.means.rounds * (1 + Method::ALL.len()) + Method::ALL.len() + VIEWS.len();
+    let of = clouds.len() * of_cloud + Method::samplers().count();
     let steps = Steps { done: Default::default(), of, say };
     let mut report = Report::new(wishes);
-    for method in Method::ALL {
+    for method in Method::samplers() {
         steps.next(format!("patterns of {}", method.name()));
         report.patterns.push(pattern::measure(method, wishes.patterns));
         wishes.means.go_on()?;

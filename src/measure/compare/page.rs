@@ -42,7 +42,9 @@ fn methods(report: &Report, before: Option<&Report>) -> Section {
     let mut items = vec![Item::Text(
         "Each mark is a way to convert: to the left is cheap, at the bottom is true. Error is the mean \
          difference of a pixel, of 255, between a picture of so many points of the coarse levels and the \
-         picture of all points, over four views. The line joins the methods that none beats on both."
+         picture of all points, over four views. The line joins the methods that none beats on both. \"Averaged\" is \
+         `--lod-color average`: coarse levels show the mean colour of what their points stand for, and the \
+         originals are kept beside."
             .into(),
     )];
     for scene in &report.scenes {
@@ -184,13 +186,17 @@ fn samples(report: &Report, before: Option<&Report>) -> Section {
     )));
     let group = |scene: &SceneReport| {
         let earlier = before.and_then(|before| before.scene(&scene.name));
-        let bar = |method: &MethodReport| Bar {
-            spread: Some([method.sampler_ns.min, method.sampler_ns.max]),
-            before: earlier.and_then(|it| it.method(&method.method)).map(|it| it.sampler_ns.median),
-            default: method.is_default(),
-            ..Bar::new(&method.method, method.sampler_ns.median)
+        let bar = |method: &MethodReport| {
+            let own = method.sampler_ns?;
+            let before = earlier.and_then(|it| it.method(&method.method)?.sampler_ns);
+            Some(Bar {
+                spread: Some([own.min, own.max]),
+                before: before.map(|before| before.median),
+                default: method.is_default(),
+                ..Bar::new(&method.method, own.median)
+            })
         };
-        Group { name: scene.name.clone(), bars: scene.methods.iter().map(bar).collect() }
+        Group { name: scene.name.clone(), bars: scene.methods.iter().filter_map(bar).collect() }
     };
     items.push(Item::Figure(Figure::new(
         Bars {
@@ -301,7 +307,7 @@ fn renderers(report: &Report, before: Option<&Report>) -> Section {
             false,
             "Error against time of the renderers",
             Axis::linear("mean pixel error", "of 255"),
-            "Averaging what lies within the blend depth costs some milliseconds and takes away most of the error.",
+            &drawing_says(report),
         ),
         figure(
             true,
@@ -311,6 +317,37 @@ fn renderers(report: &Report, before: Option<&Report>) -> Section {
         ),
     ];
     Section { heading: "Drawing".into(), items }
+}
+
+/// What the charts of drawing say, in a sentence: the plainest way beside the best
+/// at the same budget, over all scenes.
+fn drawing_says(report: &Report) -> String {
+    let frames = |style: &'static str, budget: u64| {
+        let all = report.scenes.iter().flat_map(|scene| &scene.renderers);
+        let those = all.filter(move |it| it.style == style && it.renderer == "cpu");
+        those.flat_map(|it| &it.pictures).filter(move |frame| frame.picture.budget == budget)
+    };
+    let (plain, best) = (super::pictures::PLAINEST, super::pictures::BEST);
+    let mut budgets: Vec<u64> = report
+        .scenes
+        .iter()
+        .flat_map(|scene| &scene.renderers)
+        .flat_map(|it| it.pictures.iter().map(|frame| frame.picture.budget))
+        .collect();
+    budgets.sort_unstable();
+    budgets.dedup();
+    let budget = budgets.get(budgets.len() / 2).copied().unwrap_or(0);
+    let times = |of: fn(&super::report::FrameReport) -> f64| {
+        mean(frames(best, budget).map(of)) / mean(frames(plain, budget).map(of))
+    };
+    let (error, time) = (times(|frame| frame.picture.error), times(|frame| frame.draw_ms));
+    if !error.is_finite() || !time.is_finite() {
+        return "Every way to draw comes to the same picture.".to_string();
+    }
+    format!(
+        "At {} points {best} shading errs {error:.2} × as much as {plain} points and takes {time:.1} × as long.",
+        grouped(budget)
+    )
 }
 
 fn foot(report: &Report, before: Option<&Report>) -> Vec<(String, String)> {

@@ -16,7 +16,7 @@ pub fn measure(method: Method, patterns: u32) -> PatternReport {
     let even: Vec<_> = patterns.iter().map(|pattern| pattern.even).collect();
     let thousandths = |c: f64| (c * 1000.0).round() as u16;
     PatternReport {
-        method: method.name().to_string(),
+        method: method.name(),
         spectrum: spectrum_of(&patterns),
         even: evenness::total(&even),
         dots: cutting(&patterns[0], WIDE).into_iter().map(|at| at.map(thousandths)).collect(),

@@ -21,14 +21,17 @@ const BUDGETS: [u64; 6] = [25_000, 50_000, 100_000, 250_000, 600_000, 1_500_000]
 /// Times that each is drawn; the median counts.
 const TIMES: usize = 3;
 
+pub const PLAINEST: &str = "one pixel";
+pub const BEST: &str = "high quality";
+
 /// Ways to draw, from the plainest to the one that is used.
 fn styles() -> [(&'static str, Shading); 4] {
     let plain = Shading { blended: false, fringe: 0.0, fill: 0, ..Shading::default() };
     [
-        ("one pixel", Shading { core: [0.5; 2], ..plain }),
+        (PLAINEST, Shading { core: [0.5; 2], ..plain }),
         ("fixed splats", Shading { core: [1.5; 2], ..plain }),
         ("adaptive splats", Shading { fill: Shading::default().fill, ..plain }),
-        ("high quality", Shading::default()),
+        (BEST, Shading::default()),
     ]
 }
 

@@ -63,8 +63,9 @@ pub struct MethodReport {
     pub seconds_by_stage: BTreeMap<String, f64>,
     /// Bytes of octree.bin.
     pub octree_bytes: u64,
-    /// Processor nanoseconds a point of the sampler alone, on one thread.
-    pub sampler_ns: Spread,
+    /// Nanoseconds a point of the sampler alone, on one thread; of each sampler
+    /// once.
+    pub sampler_ns: Option<Spread>,
     /// Of all levels with inner nodes.
     pub even: Evenness,
     /// Of the coarse levels, by budget.
@@ -189,7 +190,7 @@ pub mod tests_support {
             peak: 300_000_000,
             seconds_by_stage: BTreeMap::from([("index".to_string(), cpu / 2.0)]),
             octree_bytes: 29_000_000,
-            sampler_ns: times(if name == "shells" { 250.0 } else { 50.0 }),
+            sampler_ns: Some(times(if name == "shells" { 250.0 } else { 50.0 })),
             even: Evenness { samples: 10_000, inside: 0, across: 1, rejected: 50_000, hole: 1.0 },
             pictures: vec![picture("overview", 50_000), picture("close", 50_000), picture("close", 200_000)],
         }

@@ -19,13 +19,13 @@ use crate::measure::process::{Spread, spread};
 const MOST: usize = 4_000_000;
 const SLICE: u32 = 1 << 20;
 
-/// Nanoseconds a point of each method's sampler.
+/// Nanoseconds a point of each sampler, in the order of [`Method::samplers`].
 pub fn measure(wishes: &Wishes, name: &str, files: &[PathBuf], steps: &Steps) -> Result<Vec<Spread>> {
     let (cube, items) = first_points(files)?;
-    let mut spent: Vec<Vec<f64>> = vec![Vec::new(); Method::ALL.len()];
+    let mut spent: Vec<Vec<f64>> = vec![Vec::new(); Method::samplers().count()];
     for round in 0..wishes.means.rounds {
         steps.next(format!("{name}: samplers alone, round {} of {}", round + 1, wishes.means.rounds));
-        for (method, spent) in Method::ALL.into_iter().zip(&mut spent) {
+        for (method, spent) in Method::samplers().zip(&mut spent) {
             let mut sampler = Timed { sampler: method.sampling.sampler(cube.slack()), spent: Duration::ZERO };
             let (mut items, mut spare) = (items.clone(), items.clone());
             let mut builder = Builder::new(cube.bits, LEAF_LIMIT, &mut sampler, Nowhere);

@@ -2,6 +2,7 @@
 //! charts speak for.
 
 use super::report::{MethodReport, Report, SceneReport};
+use crate::verify::grouped;
 
 /// Share of the samples that may have one of another node too near.
 pub const MOST_ACROSS: f64 = 0.0005;
@@ -31,14 +32,15 @@ pub fn findings(report: &Report) -> Vec<Finding> {
         let even = default.even;
         let words = format!(
             "{name}: of {} samples, {} have one of their node too near, {} ({:.3} %) one of another node",
-            even.samples,
-            even.inside,
-            even.across,
+            grouped(even.samples),
+            grouped(even.inside),
+            grouped(even.across),
             100.0 * even.across_share()
         );
         findings.push(Finding { holds: even.inside == 0 && even.across_share() <= MOST_ACROSS, words });
-        if let Some(shells) = scene.method("shells") {
-            let times = shells.sampler_ns.median / default.sampler_ns.median;
+        let speed = |method: &MethodReport| method.sampler_ns.map(|spread| spread.median);
+        if let (Some(shells), Some(own)) = (scene.method("shells").and_then(speed), speed(default)) {
+            let times = shells / own;
             let words = format!("{name}: its sampler is {times:.1} times as fast as the paper's shells");
             findings.push(Finding { holds: times >= LEAST_SPEEDUP, words });
         }
