@@ -199,7 +199,9 @@ pub fn edges() -> Vec<Item> {
     let none = Scatter { series: vec![series("nowhere", -1.0, f64::INFINITY, false)], ..samplers() };
     let huge = Scatter {
         title: "From tiny to huge".into(),
-        series: (-9..=9).map(|k| Series::line(&format!("{k}"), [[10f64.powi(k * 3), 10f64.powi(-k)]])).collect(),
+        series: (-9..=9)
+            .map(|k| Series::line(&format!("{k}"), [[10f64.powi(k * 3), 10f64.powi(-k)]]))
+            .collect(),
         ..samplers()
     };
     let figure = |chart: Scatter, says: &str| Item::Figure(Figure::new(chart, says, ""));
@@ -213,13 +215,69 @@ pub fn edges() -> Vec<Item> {
     ]
 }
 
+/// Charts as nobody would make them up: scatters and lines of all densities.
+pub fn strange(seed: u64) -> Page {
+    let mut noise = noise(seed);
+    let mut next = move || noise.next().unwrap_or(0.5);
+    let words = ["a", "inside-out", "PotreeConverter 2.1", "random", "WWW", "iii", "GPU, software Vulkan"];
+    let mut items = Vec::new();
+    for at in 0..16 {
+        let reach = 10_f64.powf(6.0 * next() - 3.0);
+        let axis = |title: &str, log: bool, better| {
+            if log { Axis::log(title, "ns").better(better) } else { Axis::linear(title, "").better(better) }
+        };
+        let better = [Better::Lower, Better::Higher, Better::Neither][at % 3];
+        let x = axis("time a point of the whole cloud", next() < 0.5, better);
+        let y = axis("error", next() < 0.5, Better::Lower);
+        let count = 1 + (next() * 9.0) as usize;
+        let series: Vec<Series> = (0..count)
+            .map(|number| {
+                let name = format!("{} {number}", words[(next() * words.len() as f64) as usize]);
+                let marks = (0..1 + (next() * 5.0) as usize).map(|_| {
+                    let place = [next() * reach, next() + 0.01];
+                    let before = (next() < 0.2).then(|| Before { x: place[0] * 1.2, y: next(), size: None });
+                    let label = if next() < 0.3 { "1 M".to_string() } else { String::new() };
+                    Mark {
+                        label,
+                        before,
+                        size: Some(next()),
+                        default: next() < 0.1,
+                        ..Mark::at(place[0], place[1])
+                    }
+                });
+                Series::new(&name, marks.collect())
+            })
+            .collect();
+        let title = format!("Strange chart {at} of {seed}");
+        let size = Some(Quantity { title: "memory".into(), unit: "MB".into() });
+        let chart: super::chart::Chart = match at % 2 {
+            0 => Scatter { title, x, y, size, series, front: true }.into(),
+            _ => {
+                let panels = 1 + at % 5;
+                let panel = |k: usize| Panel { name: format!("scene {k}"), series: series.clone() };
+                let references = vec![Reference { y: 0.5, name: "half".into() }];
+                Lines { title, x, y, panels: (0..panels).map(panel).collect(), references, bare: at % 4 == 3 }
+                    .into()
+            }
+        };
+        items.push(Item::Figure(Figure::new(chart, "", "")));
+    }
+    Page { sections: vec![Section { heading: "Strange".into(), items }], ..Page::default() }
+}
+
 pub fn page() -> Page {
-    let figure = |chart: super::chart::Chart, says: &str, caption: &str| Item::Figure(Figure::new(chart, says, caption));
+    let figure = |chart: super::chart::Chart, says: &str, caption: &str| {
+        Item::Figure(Figure::new(chart, says, caption))
+    };
     let table = Table {
         caption: "Scenes that break converters".into(),
         columns: vec![Column::new("scene", ""), Column::new("time", "s"), Column::new("against terrain", "")],
         rows: vec![
-            vec![Cell::Text("duplicates".into()), Cell::Number(1.234), Cell::Change { now: 1.2, before: 1.0 }],
+            vec![
+                Cell::Text("duplicates".into()),
+                Cell::Number(1.234),
+                Cell::Change { now: 1.2, before: 1.0 },
+            ],
             vec![Cell::Text("<outliers>".into()), Cell::Nothing, Cell::Nothing],
         ],
     };

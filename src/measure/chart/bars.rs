@@ -75,7 +75,7 @@ impl Bars {
             return Drawing::empty(&self.title, left_out);
         };
 
-        let names = shown().map(|bar| name_width(bar)).fold(0.0, f64::max).min(WIDTH * 0.35);
+        let names = shown().map(name_width).fold(0.0, f64::max).min(WIDTH * 0.35);
         let values = shown().map(|bar| text::width(&bar.said(&self.axis), TICK)).fold(0.0, f64::max);
         let left = MARGIN + names + 10.0;
         let height = self.groups.iter().map(|group| self.height(group)).sum::<f64>() + 6.0;
@@ -98,7 +98,7 @@ impl Bars {
             }
         }
         let mut bottom = rect.bottom + 2.0 * LINE + 5.0;
-        frame::x_title(&mut canvas, &self.axis, MARGIN, WIDTH - MARGIN, bottom);
+        frame::x_title(&mut canvas, &self.axis, rect.left, WIDTH - MARGIN, bottom);
         let mut key = Key { entries: Vec::new(), notes: left_out.into_iter().collect() };
         if shown().any(|bar| bar.before.is_some_and(|before| self.axis.takes(before))) {
             let sign = if self.axis.scale == Scale::Linear { Sign::Hollow } else { Sign::Before };
@@ -132,44 +132,40 @@ impl Bars {
         let own = text::fitted(&bar.name, LABEL, room - default_width(bar));
         canvas.text("label", [MARGIN, middle], Anchor::Start, &format!("{own}{}", default_words(bar)));
         canvas.open(&shape::class(look), &self.tooltip(bar));
-        let before = bar.before.filter(|before| self.axis.takes(*before));
-        let mut end = tip;
+        let before = bar.before.filter(|before| self.axis.takes(*before)).map(at);
+        let spread =
+            bar.spread.filter(|ends| ends.iter().all(|end| self.axis.takes(*end))).map(|ends| ends.map(at));
         match self.axis.scale {
             Scale::Linear => {
                 let zero = at(0.0);
-                canvas.rect("bar", [tip.min(zero), y - THICK / 2.0], [(tip - zero).abs().max(1.0), THICK]);
-                end = end.max(zero);
+                let span = |tip: f64| (tip.min(zero), (tip - zero).abs().max(1.0));
+                let (left, width) = span(tip);
+                canvas.rect("bar", [left, y - THICK / 2.0], [width, THICK]);
+                if let Some((left, width)) = before.map(span) {
+                    canvas.rect("hollow", [left, y - THICK / 2.0 - 2.5], [width, THICK + 5.0]);
+                }
+                whiskers(canvas, "halo", spread, y);
+                whiskers(canvas, "spread", spread, y);
             }
             Scale::Log => {
                 canvas.line("leader", [frame.rect.left, y], [tip, y]);
+                whiskers(canvas, "spread", spread, y);
+                if let Some(before) = before {
+                    canvas.path("was", &shape::path(look, [before, y], DOT - 1.0));
+                    if (tip - before).abs() > 2.0 * DOT + 8.0 {
+                        let way = DOT * (tip - before).signum();
+                        canvas.path("arrow", &spots::arrow([before + way, y], [tip - way, y]));
+                    }
+                }
                 canvas.path("mark", &shape::path(look, [tip, y], DOT));
-                end += DOT;
             }
         }
-        if let (Some(before), Scale::Linear) = (before.map(at), self.axis.scale) {
-            let zero = at(0.0);
-            canvas.rect(
-                "hollow",
-                [before.min(zero), y - THICK / 2.0 - 2.5],
-                [(before - zero).abs(), THICK + 5.0],
-            );
-            end = end.max(before);
-        } else if let Some(before) = before.map(at) {
-            canvas.path("was", &shape::path(look, [before, y], DOT - 1.0));
-            if (tip - before).abs() > DOT + 8.0 {
-                let start = before + (DOT - 1.0) * (tip - before).signum();
-                canvas.path("arrow", &spots::arrow([start, y], [tip, y]));
-            }
-            end = end.max(before + DOT);
-        }
-        if let Some([low, high]) = bar.spread.filter(|ends| ends.iter().all(|end| self.axis.takes(*end))) {
-            canvas.line("halo", [at(low), y], [at(high), y]);
-            canvas.line("spread", [at(low), y], [at(high), y]);
-            for end in [low, high].map(at) {
-                canvas.line("spread", [end, y - 3.0], [end, y + 3.0]);
-            }
-            end = end.max(at(high));
-        }
+        let reach = if self.axis.scale == Scale::Log { shape::reach(look, DOT) } else { 0.0 };
+        let ends = [tip, before.unwrap_or(tip)]
+            .map(|end| end + reach)
+            .into_iter()
+            .chain(spread.into_iter().flatten());
+        let end = ends.fold(frame.rect.left, f64::max);
         canvas.close();
         canvas.text("value", [end + 6.0, middle], Anchor::Start, &bar.said(&self.axis));
     }
@@ -185,6 +181,15 @@ impl Bars {
         );
         lines.extend((!bar.note.is_empty()).then(|| bar.note.clone()));
         lines.join("\n")
+    }
+}
+
+/// From the lowest to the highest.
+fn whiskers(canvas: &mut Canvas, class: &str, ends: Option<[f64; 2]>, y: f64) {
+    let Some([low, high]) = ends else { return };
+    canvas.line(class, [low, y], [high, y]);
+    for end in [low, high] {
+        canvas.line(class, [end, y - 3.0], [end, y + 3.0]);
     }
 }
 

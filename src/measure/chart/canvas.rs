@@ -112,6 +112,9 @@ impl Canvas {
 
     /// Dots of one size in a square from this corner, `side` long and 1000 units wide.
     pub fn dots(&mut self, class: &str, [x, y]: [f64; 2], side: f64, size: f64, dots: &[[u16; 2]]) {
+        if dots.is_empty() {
+            return;
+        }
         let (scale, width) = (side / 1000.0, n(size * 1000.0 / side));
         let [x, y] = [x, y].map(n);
         let d: String = dots.iter().map(|[x, y]| format!("M{x} {y}h0")).collect();

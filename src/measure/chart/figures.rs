@@ -31,7 +31,9 @@ pub(super) fn scatter(chart: &Scatter) -> Table {
     heads.push(Column::new("remarks", ""));
     let marks: Vec<(&Series, &Mark)> = pairs(&chart.series).collect();
     let shown = |mark: &Mark| chart.x.takes(mark.x) && chart.y.takes(mark.y);
-    let points: Vec<[f64; 2]> = marks.iter().map(|(_, mark)| [mark.x, mark.y]).collect();
+    // What is not shown beats nobody.
+    let place = |mark: &Mark| if shown(mark) { [mark.x, mark.y] } else { [f64::NAN; 2] };
+    let points: Vec<[f64; 2]> = marks.iter().map(|(_, mark)| place(mark)).collect();
     let fronted = chart.front && front::defined(&chart.x, &chart.y);
     let beaten = front::beaten(&points, &chart.x, &chart.y);
     let row = |((series, mark), beaten): (&(&Series, &Mark), &Option<usize>)| {
@@ -131,4 +133,54 @@ pub(super) fn patterns(chart: &Patterns) -> Table {
         vec![Cell::text(&pattern.name), count(&pattern.dots), marked, Cell::text(&pattern.note)]
     });
     Table { caption: chart.title.clone(), columns, rows: rows.collect() }.without_empty_columns()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_tells_what_the_chart_shows() {
+        let mark = |x, y, before: Option<f64>| Mark {
+            before: before.map(|x| Before { x, y, size: None }),
+            ..Mark::at(x, y)
+        };
+        let chart = Scatter {
+            title: "Samplers".into(),
+            x: Axis::log("time", "ns"),
+            y: Axis::linear("error", ""),
+            series: vec![
+                Series::new("a", vec![mark(50.0, 1.0, Some(100.0))]),
+                Series::new("b", vec![mark(60.0, 2.0, None)]),
+                Series::new("no place", vec![mark(0.0, 0.0, None)]),
+            ],
+            front: true,
+            ..Scatter::default()
+        };
+        let table = scatter(&chart);
+        let heads: Vec<&str> = table.columns.iter().map(|column| column.title.as_str()).collect();
+        assert_eq!(heads, ["method", "time", "before", "change", "error", "before", "change", "remarks"]);
+        let remarks: Vec<_> = table.rows.iter().filter_map(|row| row.last().cloned()).collect();
+        assert_eq!(remarks, [Cell::text("on the front"), Cell::text("off the front"), Cell::Nothing]);
+        assert_eq!(table.rows[0][3], Cell::Change { now: 50.0, before: 100.0 });
+        let html = table.html();
+        assert!(html.contains("<td class=\"number\">−50\u{202f}%</td>"), "{html}");
+        assert!(
+            html.contains("<th scope=\"col\" class=\"number\">time <span class=\"unit\">ns</span></th>"),
+            "{html}"
+        );
+    }
+
+    #[test]
+    fn lines_at_the_same_places_stand_side_by_side() {
+        let line = |name: &str, shift: f64| Series::line(name, [[1.0, 2.0 + shift], [2.0, 4.0 + shift]]);
+        let panel = |series| super::super::Panel { name: "town".into(), series };
+        let chart = Lines { panels: vec![panel(vec![line("a", 0.0), line("b", 1.0)])], ..Lines::default() };
+        let table = lines(&chart);
+        assert_eq!(table.rows[1], [2.0, 4.0, 5.0].map(Cell::Number));
+        assert_eq!(table.columns[2].title, "town · b");
+        let chart =
+            Lines { panels: vec![panel(vec![line("a", 0.0), Series::line("b", [[3.0, 1.0]])])], ..chart };
+        assert_eq!(lines(&chart).rows.len(), 3);
+    }
 }

@@ -52,7 +52,7 @@ impl Grid {
     pub fn frame(&self, canvas: &mut Canvas, number: usize, frame: &Frame, name: &str) {
         let columns = Grid::columns(self.panels);
         frame.grid(canvas);
-        if number % columns == 0 {
+        if number.is_multiple_of(columns) {
             frame.y_labels(canvas);
         }
         if number + columns >= self.panels {

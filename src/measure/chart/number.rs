@@ -14,8 +14,9 @@ pub(super) fn figure(value: f64) -> String {
     } else if !(1e-4..1e12).contains(&size) {
         power(value, 2)
     } else {
-        let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
-        grouped(value, decimals)
+        // 99.96 is 100, and not 100.0.
+        let rounded: f64 = format!("{size:.2e}").parse().unwrap_or(size);
+        grouped(value, (2 - rounded.log10().floor() as i32).max(0) as usize)
     }
 }
 
@@ -121,7 +122,7 @@ mod tests {
             (0.0, "0"),
             (1.0, "1.00"),
             (0.012_345, "0.0123"),
-            (99.96, "100.0"),
+            (99.96, "100"),
             (123.4, "123"),
             (1_234_567.0, "1\u{202f}234\u{202f}567"),
             (-0.5, "−0.500"),

@@ -30,7 +30,7 @@ pub enum Item {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    pub chart: Chart,
+    pub chart: Box<Chart>,
     /// What it says, in a sentence; stands above it.
     pub says: String,
     /// How to read it; stands below it.
@@ -41,7 +41,12 @@ pub struct Figure {
 
 impl Figure {
     pub fn new(chart: impl Into<Chart>, says: &str, caption: &str) -> Figure {
-        Figure { chart: chart.into(), says: says.to_string(), caption: caption.to_string(), table: None }
+        Figure {
+            chart: Box::new(chart.into()),
+            says: says.to_string(),
+            caption: caption.to_string(),
+            table: None,
+        }
     }
 }
 

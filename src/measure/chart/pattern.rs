@@ -36,7 +36,8 @@ impl Patterns {
             return Drawing::empty(&self.title, None);
         }
         let count = self.patterns.len();
-        let columns = if count > 4 && count % 3 == 0 && count % 4 != 0 { 3 } else { count.min(4) };
+        let columns =
+            if count > 4 && count.is_multiple_of(3) && !count.is_multiple_of(4) { 3 } else { count.min(4) };
         let gaps = GAP * (columns - 1) as f64;
         let side = ((WIDTH - 2.0 * MARGIN - gaps) / columns as f64).min(LARGEST);
         let noted = self.patterns.iter().any(|pattern| !pattern.note.is_empty());
@@ -67,9 +68,7 @@ impl Pattern {
         canvas.open("pattern", &format!("{}: {} dots", self.name, self.dots.len()));
         canvas.rect("frame", [x, y], [side, side]);
         canvas.dots("dots", [x, y], side, size, &dots);
-        if !self.marked.is_empty() {
-            canvas.dots("dots marked", [x, y], side, size, &places(&self.marked));
-        }
+        canvas.dots("dots marked", [x, y], side, size * 1.6, &places(&self.marked));
         canvas.close();
         let name = text::fitted(&self.name, LABEL * BOLD, side);
         canvas.text("label name", [x, y + side + LINE + 1.0], Anchor::Start, &name);

@@ -106,7 +106,7 @@ mod tests {
         assert!(meets([0.0, 15.0], [40.0, 15.0]), "through");
         assert!(meets([0.0, 0.0], [12.0, 12.0]), "into");
         assert!(meets([15.0, 12.0], [20.0, 14.0]), "inside");
-        assert!(meets([5.0, 15.0], [15.0, 5.0]), "over a corner");
+        assert!(meets([5.0, 17.0], [17.0, 5.0]), "over a corner");
         assert!(!meets([0.0, 14.0], [14.0, 0.0]), "past a corner");
         assert!(!meets([0.0, 15.0], [9.0, 15.0]), "before");
     }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-use super::canvas::n;
+use super::canvas::{n, through};
 
 /// So many looks there are; the next one begins anew.
 pub(super) const LOOKS: usize = 8;
@@ -20,33 +20,33 @@ pub(super) fn dash(look: usize) -> &'static str {
 /// The path of a mark. Every shape has the area of the circle of this radius, so that
 /// areas can be compared.
 pub(super) fn path(look: usize, [x, y]: [f64; 2], radius: f64) -> String {
+    let Some(corners) = corners(look, radius) else {
+        let (r, d) = (n(radius), n(radius * 2.0));
+        return format!("M{} {}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z", n(x - radius), n(y));
+    };
+    let places: Vec<[f64; 2]> = corners.into_iter().map(|[dx, dy]| [x + dx, y + dy]).collect();
+    through(&places) + "z"
+}
+
+/// How far a mark reaches from its middle.
+pub(super) fn reach(look: usize, radius: f64) -> f64 {
+    corners(look, radius).iter().flatten().map(|[x, y]| x.hypot(*y)).fold(radius, f64::max)
+}
+
+/// Around the origin; a circle has none.
+fn corners(look: usize, radius: f64) -> Option<Vec<[f64; 2]>> {
     let corners = match look % LOOKS {
-        0 => {
-            let (d, left) = (n(radius * 2.0), n(x - radius));
-            let r = n(radius);
-            return format!("M{left} {}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z", n(y));
-        }
+        0 => return None,
         1 => star(4, FRAC_PI_4, 1.0),
-        2 => star(3, 0.0, 0.5),
-        3 => star(4, 0.0, 0.75),
-        4 => star(3, PI, 0.5),
+        2 => star(3, 0.0, 1.0),
+        3 => star(4, 0.0, 1.0),
+        4 => star(3, PI, 1.0),
         5 => cross(0.0),
         6 => star(5, 0.0, 0.5),
         _ => cross(FRAC_PI_4),
     };
     let scale = radius * (PI / area(&corners)).sqrt();
-    let mut path = String::new();
-    for (at, [dx, dy]) in corners.into_iter().enumerate() {
-        path.push(if at == 0 { 'M' } else { 'L' });
-        path.push_str(&format!("{} {}", n(x + dx * scale), n(y + dy * scale)));
-    }
-    path.push('z');
-    path
-}
-
-/// How far a mark reaches from its middle.
-pub(super) fn reach(look: usize, radius: f64) -> f64 {
-    radius * [1.0, 1.26, 1.56, 1.45, 1.56, 1.28, 1.68, 1.28][look % LOOKS]
+    Some(corners.into_iter().map(|[x, y]| [x * scale, y * scale]).collect())
 }
 
 /// Corners on the unit circle, turned, with others between them at a share of the
@@ -55,7 +55,7 @@ fn star(points: usize, turn: f64, inner: f64) -> Vec<[f64; 2]> {
     let edge = (PI / points as f64).cos();
     let corner = |k: usize| {
         let angle = TAU * k as f64 / (2 * points) as f64 + turn - FRAC_PI_2;
-        let radius = if k % 2 == 0 { 1.0 } else { inner.min(edge) };
+        let radius = if k.is_multiple_of(2) { 1.0 } else { inner.min(edge) };
         [radius * angle.cos(), radius * angle.sin()]
     };
     (0..2 * points).map(corner).collect()
@@ -78,22 +78,22 @@ fn area(corners: &[[f64; 2]]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Numbers of a path, in pairs.
-    fn corners(path: &str) -> Vec<[f64; 2]> {
-        let numbers: Vec<f64> =
-            path.split(|c: char| "MLz ".contains(c)).filter_map(|part| part.parse().ok()).collect();
-        numbers.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+    #[test]
+    fn shapes_of_one_radius_are_as_large() {
+        let circle = PI * 100.0 * 100.0;
+        for corners in (1..LOOKS).filter_map(|look| corners(look, 100.0)) {
+            assert!((area(&corners) / circle - 1.0).abs() < 1e-9, "{corners:?}");
+        }
     }
 
     #[test]
-    fn shapes_of_one_radius_are_as_large_and_reach_as_far_as_they_say() {
-        for look in 1..LOOKS {
-            let corners = corners(&path(look, [0.0, 0.0], 100.0));
-            let circle = PI * 100.0 * 100.0;
-            assert!((area(&corners) / circle - 1.0).abs() < 0.01, "{look}: {}", area(&corners));
-            let far = corners.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
-            let told = reach(look, 100.0);
-            assert!(far <= told && told < far + 2.0, "{look}: {far} and not {told}");
-        }
+    fn marks_reach_as_far_as_they_say() {
+        assert_eq!(reach(0, 5.0), 5.0);
+        let [square, star] = [1, 6].map(|look| reach(look, 10.0));
+        assert!((square - 10.0 * (PI / 2.0).sqrt()).abs() < 1e-9 && star > square);
+        assert_eq!(
+            path(1, [10.0, 20.0], 10.0),
+            "M18.9 11.1L18.9 20L18.9 28.9L10 28.9L1.1 28.9L1.1 20L1.1 11.1L10 11.1z"
+        );
     }
 }

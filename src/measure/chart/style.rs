@@ -101,7 +101,8 @@ table{border-collapse:collapse;margin:.6rem 0;color:var(--ink);font-size:.875rem
 caption{text-align:left;padding:.2rem 0;color:var(--soft)}
 th,td{padding:.2rem .9rem .2rem 0;border-bottom:1px solid var(--grid);text-align:left;vertical-align:baseline}
 th{font-weight:500}thead th{font-weight:600}
-.number{text-align:right;white-space:nowrap}
+.number{text-align:right}.number,tbody th{white-space:nowrap}
+td:not(.number){min-width:8em}
 .unit{display:block;font-weight:400;color:var(--soft)}
 footer{margin-top:3rem;padding-bottom:3rem}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1.2rem}

@@ -63,7 +63,7 @@ fn linear(low: f64, high: f64, most: usize) -> Ticks {
     }
     let (first, last) = ends(step);
     let size = step.value();
-    let values: Vec<f64> = count(first, last).map(|k| k * size).collect();
+    let values: Vec<f64> = count(first, last).map(|k| k * size + 0.0).collect();
     let labels = number::multiples(&values, size);
     Ticks {
         low: first * size,
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(labels(&log, &[12.6, 310.0], 9), ["10", "20", "50", "100", "200", "500"]);
         assert_eq!(labels(&log, &[0.003, 40.0], 6), ["0.01", "0.1", "1", "10"]);
         // Less than a decade.
-        assert_eq!(labels(&log, &[95.0, 105.0], 6), ["94", "96", "98", "100", "102", "104", "106"][..0]);
+        assert_eq!(labels(&log, &[95.0, 105.0], 6), ["95", "100", "105"]);
     }
 
     #[test]
@@ -183,13 +183,13 @@ mod tests {
         ) {
             let axis = if log { Axis::log("", "") } else { Axis::linear("", "") };
             let shown: Vec<f64> = values.iter().copied().filter(|value| axis.takes(*value)).collect();
-            let Some(ticks) = ticks(&axis, values.into_iter(), most) else {
-                return Err(TestCaseError::reject("nothing to show")).or_else(|e| if shown.is_empty() { Ok(()) } else { Err(e) });
-            };
+            let ticks = ticks(&axis, values.into_iter(), most);
+            prop_assert_eq!(ticks.is_some(), !shown.is_empty());
+            let Some(ticks) = ticks else { return Ok(()) };
             prop_assert!(ticks.low < ticks.high && ticks.low.is_finite() && ticks.high.is_finite());
             for value in shown {
                 // But for the last bits, which no pixel shows.
-                let slack = 1e-8 * value.abs();
+                let slack = 1e-8 * value.abs().max(ticks.high - ticks.low);
                 prop_assert!(ticks.low - slack <= value && value <= ticks.high + slack, "{value} in {ticks:?}");
             }
             prop_assert!((2..=most).contains(&ticks.major.len()), "{ticks:?}");
