@@ -13,17 +13,6 @@ use chart::{Patterns, Quantity, Reference, Scatter, Section, Series};
 use lodestone::measure::chart;
 use proptest::prelude::*;
 
-const LOOK: &str = include_str!("charts/look.js");
-
-/// What `look.js` saw on a page.
-fn look(program: &str, page: &str, width: u32, dark: bool) -> serde_json::Value {
-    let script = format!("<script>{LOOK}</script></body>");
-    let seen = browser::open(program, &page.replace("</body>", &script), "html", width, dark);
-    assert!(seen.console.is_empty(), "{:?}", seen.console);
-    let (_, after) = seen.dom.split_once("id=\"seen\">").expect("what the script saw");
-    serde_json::from_str(after.split_once("</script>").expect("its end").0).unwrap()
-}
-
 #[test]
 fn a_browser_lays_the_page_out_so_that_it_can_be_read() {
     let Some(program) = browser::program() else { return };
@@ -34,9 +23,9 @@ fn a_browser_lays_the_page_out_so_that_it_can_be_read() {
     let plain = browser::open(program, &page, "html", 1000, false);
     assert!(plain.console.is_empty(), "{:?}", plain.console);
 
-    let [light, dark] = [false, true].map(|dark| look(program, &page, 1000, dark));
+    let [light, dark] = [false, true].map(|dark| browser::look(program, &page, 1000, dark));
     // As large as a telephone, where figures are moved sideways and the page is not.
-    let small = look(program, &page, 390, false);
+    let small = browser::look(program, &page, 390, false);
     for seen in [&light, &dark, &small] {
         assert_eq!(seen["faults"], serde_json::json!([]));
         assert_eq!(seen["drawings"], page.matches("<svg ").count());
@@ -50,7 +39,7 @@ fn a_browser_lays_the_page_out_so_that_it_can_be_read() {
 fn whatever_is_measured_can_be_read() {
     let Some(program) = browser::program() else { return };
     for seed in 1..=3 {
-        let seen = look(program, &sample::strange(seed).html(), 1000, false);
+        let seen = browser::look(program, &sample::strange(seed).html(), 1000, false);
         assert_eq!(seen["faults"], serde_json::json!([]), "seed {seed}");
         assert_eq!(seen["drawings"], 16);
     }
@@ -64,7 +53,7 @@ fn a_browser_sees_what_cannot_be_read() {
                <text x=\"10\" y=\"50\">one text</text><text x=\"20\" y=\"52\">another text</text>\
                <text x=\"380\" y=\"150\">too far right</text></svg>";
     let page = format!("<!DOCTYPE html><html><body><figure>{svg}</figure><figure></figure></body></html>");
-    let faults = look(program, &page, 1000, false)["faults"].to_string();
+    let faults = browser::look(program, &page, 1000, false)["faults"].to_string();
     for fault in ["lies on", "outside", "no marks", "without a drawing"] {
         assert!(faults.contains(fault), "{fault}: {faults}");
     }
@@ -87,7 +76,7 @@ fn a_chart_stands_alone() {
     assert!(seen.console.is_empty() && !seen.dom.contains("parsererror"), "{:?} {}", seen.console, seen.dom);
     // In a page, as an <img> would have it.
     let page = format!("<!DOCTYPE html><html><body>{svg}</body></html>");
-    assert_eq!(look(program, &page, 1000, false)["faults"], serde_json::json!([]));
+    assert_eq!(browser::look(program, &page, 1000, false)["faults"], serde_json::json!([]));
 }
 
 /// Anything that somebody may call a number.

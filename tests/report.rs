@@ -1,4 +1,7 @@
-//! `lodestone report --stability`, with scenes so small that it takes seconds.
+//! `lodestone report`, with scenes so small that it takes seconds.
+
+#[path = "charts/browser.rs"]
+mod browser;
 
 use std::fs;
 use std::io::Read;
@@ -150,6 +153,14 @@ fn speed_against_accuracy_is_charted_and_held_against_an_earlier_run() {
     assert!(second.contains("own cloud, 30 000 points") && !second.contains("NaN"), "{second}");
     assert!(second.contains("before") && second.contains("%"), "nothing of the first run");
     assert!(fs::read_to_string(chart).unwrap().contains("poisson"));
+
+    for (page, charts) in [(&first, 6), (&second, 7)] {
+        let Some(program) = browser::program() else { break };
+        for dark in [false, true] {
+            let seen = browser::look(program, page, 1000, dark);
+            assert_eq!((&seen["faults"], &seen["drawings"]), (&serde_json::json!([]), &charts.into()));
+        }
+    }
 
     let refused = Command::new(env!("CARGO_BIN_EXE_lodestone"))
         .args(["report", "--against"])

@@ -48,6 +48,15 @@ pub fn open(program: &str, markup: &str, extension: &str, width: u32, dark: bool
     Seen { dom: String::from_utf8_lossy(&output.stdout).into_owned(), console }
 }
 
+/// What `look.js` saw on a page: faults of its layout, what is drawn, colours.
+pub fn look(program: &str, page: &str, width: u32, dark: bool) -> serde_json::Value {
+    let script = format!("<script>{}</script></body>", include_str!("look.js"));
+    let seen = open(program, &page.replace("</body>", &script), "html", width, dark);
+    assert!(seen.console.is_empty(), "{:?}", seen.console);
+    let (_, after) = seen.dom.split_once("id=\"seen\">").expect("what the script saw");
+    serde_json::from_str(after.split_once("</script>").expect("its end").0).unwrap()
+}
+
 fn profile(folder: &Path) -> String {
     folder.join("profile").display().to_string()
 }
