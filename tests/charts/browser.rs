@@ -18,7 +18,7 @@ const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 pub fn program() -> Option<&'static str> {
     let answers =
         |program: &&str| Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
-    let found = PROGRAMS.into_iter().find(|program| answers(&program));
+    let found = PROGRAMS.into_iter().find(answers);
     if found.is_none() {
         let required = std::env::var_os("LODESTONE_REQUIRE_CHROMIUM").is_some_and(|value| value == "1");
         assert!(!required, "LODESTONE_REQUIRE_CHROMIUM=1, but there is none of {PROGRAMS:?}");

@@ -53,7 +53,8 @@ impl Bar {
     }
 
     fn said(&self, axis: &Axis) -> String {
-        let change = self.before.map(|before| format!(" · {}", number::change(self.value, before)));
+        let before = self.before.filter(|before| axis.takes(*before));
+        let change = before.map(|before| format!(" · {}", number::change(self.value, before)));
         format!("{}{}", number::with_unit(self.value, &axis.unit), change.unwrap_or_default())
     }
 }
@@ -77,6 +78,7 @@ impl Bars {
 
         let names = shown().map(name_width).fold(0.0, f64::max).min(WIDTH * 0.35);
         let values = shown().map(|bar| text::width(&bar.said(&self.axis), TICK)).fold(0.0, f64::max);
+        let values = values.min(WIDTH * 0.35);
         let left = MARGIN + names + 10.0;
         let height = self.groups.iter().map(|group| self.height(group)).sum::<f64>() + 6.0;
         let right = (WIDTH - MARGIN - values - 12.0).max(left + 120.0);
@@ -167,7 +169,8 @@ impl Bars {
             .chain(spread.into_iter().flatten());
         let end = ends.fold(frame.rect.left, f64::max);
         canvas.close();
-        canvas.text("value", [end + 6.0, middle], Anchor::Start, &bar.said(&self.axis));
+        let said = text::fitted(&bar.said(&self.axis), TICK, WIDTH - MARGIN - end - 6.0);
+        canvas.text("value", [end + 6.0, middle], Anchor::Start, &said);
     }
 
     fn tooltip(&self, bar: &Bar) -> String {

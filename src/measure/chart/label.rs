@@ -209,6 +209,7 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn labels_keep_apart(
             marks in prop::collection::vec((5.0..595.0, 5.0..395.0, 10.0..160.0), 0..30),

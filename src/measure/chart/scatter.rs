@@ -2,7 +2,7 @@
 //! beats on both axes.
 
 use super::canvas::Canvas;
-use super::data::{Axis, Better, Mark, Quantity, Series};
+use super::data::{Axis, Before, Better, Mark, Quantity, Series};
 use super::drawing::{Drawing, MARGIN, WIDTH};
 use super::frame::{self, Frame, LINE, TICK};
 use super::key::{Key, Sign};
@@ -34,14 +34,15 @@ const INSET: f64 = 22.0;
 
 impl Scatter {
     pub(super) fn drawing(&self) -> Drawing {
-        let values = |of: fn(&Mark) -> [f64; 2]| {
+        let values = |of: fn(&Mark) -> f64, earlier: fn(Before) -> f64| {
             let marks = self.series.iter().flat_map(|series| &series.marks);
             // A mark that lacks one value must not stretch the axis of the other.
             let marks = marks.filter(|mark| self.x.takes(mark.x) && self.y.takes(mark.y));
-            marks.flat_map(of)
+            let before = |mark: &Mark| mark.before.filter(|was| self.x.takes(was.x) && self.y.takes(was.y));
+            marks.flat_map(move |mark| [of(mark)].into_iter().chain(before(mark).map(earlier)))
         };
-        let x = values(|mark| [mark.x, mark.before.map_or(mark.x, |before| before.x)]);
-        let y = values(|mark| [mark.y, mark.before.map_or(mark.y, |before| before.y)]);
+        let x = values(|mark| mark.x, |before| before.x);
+        let y = values(|mark| mark.y, |before| before.y);
         let rulers = (Ruler::new(&self.x, x, 11), Ruler::new(&self.y, y, 9));
         let left_out = spots::left_out(self.series.iter(), &self.x, &self.y);
         let (Some(x), Some(y)) = rulers else { return Drawing::empty(&self.title, left_out) };
