@@ -48,18 +48,30 @@ struct Sample {
     at: Local,
     /// The sample before it in the same cell, counted from 1; 0 for none.
     next: u32,
-    sum: [u64; 3],
-    count: u32,
+    /// Of each channel, and how many were added up.
+    sum: [u64; 4],
 }
 
 impl Sample {
     /// To the nearest, halves up.
     fn mean(&self) -> Colour {
-        // It is near to itself, so there is one at least.
-        let count = u64::from(self.count.max(1));
-        self.sum.map(|sum| ((2 * sum + count) / (2 * count)) as u16)
+        let [red, green, blue, count] = self.sum;
+        // A sample is near to itself, so there is one at least.
+        let count = count.max(1);
+        [red, green, blue].map(|sum| ((2 * sum + count) / (2 * count)) as u16)
     }
 }
+
+/// A sample around the cell in work, and what that cell's candidates add to it.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    at: Local,
+    number: u32,
+    sum: [u32; 4],
+}
+
+/// Colours that such a sum has room for.
+const MOST_ADDED: u32 = u32::MAX / u16::MAX as u32;
 
 /// Averages node after node with the same buffers.
 ///
@@ -74,8 +86,7 @@ pub struct Averager {
     heads: Vec<u32>,
     samples: Vec<Sample>,
     colours: Vec<Colour>,
-    /// Samples around the cell in work.
-    near: Vec<(Local, u32)>,
+    near: Vec<Near>,
     means: Vec<Mean>,
 }
 
@@ -135,37 +146,77 @@ impl Averager {
 
     /// Puts the samples into the grid.
     fn place(&mut self, frame: Frame, candidates: &[&[Item]], taken: &[bool]) {
-        self.heads.resize(CELLS, 0);
+        if self.heads.is_empty() {
+            self.heads = vec![0; CELLS];
+        }
         for (_, item) in taken_of(candidates, taken) {
             let at = frame.local(item.at).map(|c| c as i32);
             let head = &mut self.heads[head_of(cell_of(at, frame.spacing_shift()))];
-            self.samples.push(Sample { at, next: *head, sum: [0; 3], count: 0 });
+            self.samples.push(Sample { at, next: *head, sum: [0; 4] });
             *head = self.samples.len() as u32;
         }
     }
 
     /// Adds each candidate's colour to the samples that it is near to.
     fn add_up(&mut self, frame: Frame, candidates: &[&[Item]]) {
+        let Averager { heads, samples, colours, near, .. } = self;
         let shift = frame.spacing_shift();
         let squared = 1i64 << (2 * shift);
-        let mut cell = [usize::MAX; 3];
-        for ((_, item), colour) in numbered(candidates).zip(&self.colours) {
-            let at = frame.local(item.at).map(|c| c as i32);
-            // Candidates of a cell come together, so this is once a cell.
-            let own = cell_of(at, shift);
-            if own != cell {
-                cell = own;
-                gather(&self.heads, &self.samples, cell, &mut self.near);
-            }
-            for (other, number) in &self.near {
-                if squared_distance(at, *other) < squared {
-                    let sample = &mut self.samples[*number as usize];
-                    sample.count += 1;
-                    for (sum, value) in sample.sum.iter_mut().zip(colour) {
-                        *sum += u64::from(*value);
+        let (mut cell, mut added) = ([usize::MAX; 3], 0);
+        let mut colours = colours.iter();
+        for set in candidates {
+            for (item, colour) in set.iter().zip(colours.by_ref()) {
+                let at = frame.local(item.at).map(|c| c as i32);
+                let own = cell_of(at, shift);
+                // Candidates of a cell come together, so this is once a cell.
+                if own != cell || added == MOST_ADDED {
+                    settle(near, samples);
+                    gather(heads, samples, own, near);
+                    (cell, added) = (own, 0);
+                }
+                added += 1;
+                let [red, green, blue] = colour.map(u32::from);
+                // About every third is near, by no pattern: so nothing branches.
+                for other in near.iter_mut() {
+                    let mask = if squared_distance(at, other.at) < squared { u32::MAX } else { 0 };
+                    for (sum, value) in other.sum.iter_mut().zip([red, green, blue, 1]) {
+                        *sum += value & mask;
                     }
                 }
             }
+        }
+        settle(near, samples);
+    }
+}
+
+/// Adds to the samples what the candidates of a cell have added.
+fn settle(near: &mut Vec<Near>, samples: &mut [Sample]) {
+    for near in near.drain(..) {
+        let sample = &mut samples[near.number as usize];
+        for (sum, more) in sample.sum.iter_mut().zip(near.sum) {
+            *sum += u64::from(more);
+        }
+    }
+}
+
+/// The samples of the 27 cells around a cell.
+fn gather(heads: &[u32], samples: &[Sample], [x, y, z]: [usize; 3], near: &mut Vec<Near>) {
+    // First the cells that hold some, which are few: each is written down, and then
+    // counted if it does.
+    let (mut occupied, mut count) = ([0; 27], 0);
+    for row in 0..9 {
+        let first = head_of([x - 1, y + row % 3 - 1, z + row / 3 - 1]);
+        for head in &heads[first..first + 3] {
+            occupied[count] = *head;
+            count += usize::from(*head != 0);
+        }
+    }
+    for head in &occupied[..count] {
+        let mut next = *head;
+        while let Some(number) = next.checked_sub(1) {
+            let sample = &samples[number as usize];
+            near.push(Near { at: sample.at, number, sum: [0; 4] });
+            next = sample.next;
         }
     }
 }
@@ -178,22 +229,6 @@ fn numbered<'c>(candidates: &'c [&'c [Item]]) -> impl Iterator<Item = (usize, &'
 /// Those of them that the node takes.
 fn taken_of<'c>(candidates: &'c [&'c [Item]], taken: &'c [bool]) -> impl Iterator<Item = (usize, &'c Item)> {
     numbered(candidates).zip(taken).filter(|(_, taken)| **taken).map(|(candidate, _)| candidate)
-}
-
-/// The samples of the 27 cells around a cell.
-fn gather(heads: &[u32], samples: &[Sample], [x, y, z]: [usize; 3], near: &mut Vec<(Local, u32)>) {
-    near.clear();
-    for row in 0..9 {
-        let first = head_of([x - 1, y + row % 3 - 1, z + row / 3 - 1]);
-        for head in &heads[first..first + 3] {
-            let mut next = *head;
-            while let Some(number) = next.checked_sub(1) {
-                let sample = &samples[number as usize];
-                near.push((sample.at, number));
-                next = sample.next;
-            }
-        }
-    }
 }
 
 #[cfg(test)]
