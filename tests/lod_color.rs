@@ -12,11 +12,13 @@ use common::{all_records, context, octree_bytes, options_of, request, surface, w
 use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::engine::conduct;
 use lodestone::format::potree::{Metadata, Node, OCTREE};
+use lodestone::measure::flip;
 use lodestone::render::colour::ColorBy;
 use lodestone::render::framing::View;
 use lodestone::render::renderer::Choice;
 use lodestone::render::studio::{Quality, Studio};
 use lodestone::stage::options::{Encoding, LodColor, Options, Sampling};
+use lodestone::synth::{Kind, Recipe};
 use lodestone::verify;
 
 const MODES: [LodColor; 2] = [LodColor::Attribute, LodColor::Average];
@@ -30,6 +32,13 @@ fn cloud(folder: &Path, points: u64) -> PathBuf {
     let input = folder.join("cloud.las");
     write_las(&input, &options_of(3, false), &surface(3, points, 1));
     input
+}
+
+/// The same, flat, so that every level has neighbours to average.
+fn flat(points: u64) -> Vec<u8> {
+    let mut records = surface(3, points, 1);
+    records.chunks_exact_mut(34).for_each(|record| record[8..12].copy_from_slice(&[7, 0, 0, 0]));
+    records
 }
 
 /// The attributes of a point's own colour and of its mean.
@@ -131,10 +140,7 @@ fn every_mode_keeps_every_colour_of_the_input_and_every_point_its_place() {
 fn coarse_levels_are_calmer_and_leaves_are_as_they_were() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("flat.las"), folder.path().join("octree"));
-    let mut records = surface(3, 300_000, 1);
-    // Flat, so that every level has neighbours to average.
-    records.chunks_exact_mut(34).for_each(|record| record[8..12].copy_from_slice(&[7, 0, 0, 0]));
-    write_las(&input, &options_of(3, false), &records);
+    write_las(&input, &options_of(3, false), &flat(300_000));
     held_with(&input, &output, &with(LodColor::Average), IN_CORE);
     let nodes = points(&output, LodColor::Average);
     assert!(nodes.len() > 30);
@@ -170,6 +176,32 @@ fn pictures_show_the_means_of_either_mode() {
     });
     assert!(beside == instead);
     assert!(beside != kept);
+}
+
+/// And they come nearer to the picture of all points than the points' own colours.
+#[test]
+fn a_picture_of_few_points_is_nearer_to_that_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let noise = folder.path().join("noise.las");
+    write_las(&noise, &options_of(3, false), &flat(400_000));
+    let scenes = [Kind::Terrain, Kind::Town, Kind::Interior];
+    let scenes = scenes.map(|kind| judge::write_scene(Recipe::new(kind, 400_000, 3), folder.path()));
+    for input in [noise].into_iter().chain(scenes) {
+        let drawn = |lod_color: LodColor, quality: &Quality| {
+            let output = folder.path().join("octree");
+            held_with(&input, &output, &with(lod_color), IN_CORE);
+            let mut studio = Studio::open(&output, ColorBy::Rgb, Choice::Cpu).unwrap();
+            studio.still([64, 64], View::Overview, quality).unwrap().0
+        };
+        let all = drawn(LodColor::Keep, &Quality::full());
+        let error = |lod_color| {
+            let few = drawn(lod_color, &Quality::default());
+            (flip::pixel_error(&all.pixels, &few.pixels), flip::mean(64, &all.pixels, &few.pixels))
+        };
+        let (own, mean) = (error(LodColor::Keep), error(LodColor::Attribute));
+        println!("{}: own {own:?}, mean {mean:?}", input.display());
+        assert!(mean.0 < own.0 && mean.1 < own.1, "{}: {own:?} {mean:?}", input.display());
+    }
 }
 
 /// Changes bytes of points that `is_meant` chooses, and gives the checker's word.
