@@ -162,6 +162,13 @@ fn speed_against_accuracy_is_charted_and_held_against_an_earlier_run() {
         }
     }
 
+    let again = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+        .args(["report", "--from", before.to_str().unwrap(), "-o"])
+        .arg(at("again.html"))
+        .status()
+        .unwrap();
+    assert!(again.success() && fs::read_to_string(at("again.html")).unwrap() == first);
+
     let refused = Command::new(env!("CARGO_BIN_EXE_lodestone"))
         .args(["report", "--against"])
         .arg(at("second.html"))

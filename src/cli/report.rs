@@ -48,6 +48,9 @@ pub struct Arguments {
     /// The main chart as a picture of its own, SVG
     #[arg(long, value_name = "FILE", conflicts_with = "stability")]
     chart: Option<PathBuf>,
+    /// Measure nothing: make the page of the figures of an earlier report
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["clouds", "stability", "full", "points", "scenes", "json"])]
+    from: Option<PathBuf>,
     /// Figures of an earlier report, to be shown beside the new ones
     #[arg(long, value_name = "FILE", conflicts_with = "stability")]
     against: Option<PathBuf>,
@@ -93,15 +96,23 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
     }
     // Read first: an hour is too long to find out that it is no report.
     let before = arguments.against.as_deref().map(compare::read).transpose()?;
-    let bar = bar();
-    let report = compare::measure(&wishes, &|step| show(&bar, step));
-    bar.finish_and_clear();
-    let report = report?;
-
     let page = arguments.output.unwrap_or_else(|| PathBuf::from("lodestone-report.html"));
-    let json = arguments.json.unwrap_or_else(|| page.with_extension("json"));
+    let mut json = arguments.json.unwrap_or_else(|| page.with_extension("json"));
+    let report = match arguments.from {
+        Some(earlier) => {
+            json = earlier;
+            compare::read(&json)?
+        }
+        None => {
+            let bar = bar();
+            let report = compare::measure(&wishes, &|step| show(&bar, step));
+            bar.finish_and_clear();
+            let report = report?;
+            write(&json, &json_of(&report))?;
+            report
+        }
+    };
     write(&page, &compare::page(&report, before.as_ref()).html())?;
-    write(&json, &json_of(&report))?;
     if let (Some(path), Some(chart)) = (&arguments.chart, compare::main_chart(&report)) {
         write(path, &chart.svg_standalone())?;
     }

@@ -99,7 +99,7 @@ fn drawing_says(report: &Report) -> String {
         return "Every way to draw comes to the same picture.".to_string();
     }
     format!(
-        "At {} points {best} shading errs {error:.2} × as much as {plain} points and takes {time:.1} × as long.",
+        "At {} points {best} shading errs {error:.2} × as much as points of {plain} and takes {time:.1} × as long.",
         grouped(budget)
     )
 }

@@ -11,7 +11,7 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         "Each mark is a way to convert: to the left is cheap, at the bottom is true. Error is the mean \
          difference of a pixel, of 255, between a picture of so many points of the coarse levels and the \
          picture of all points, over four views. The line joins the methods that none beats on both. \"Averaged\" is \
-         `--lod-color average`: coarse levels show the mean colour of what their points stand for, and the \
+         --lod-color average: coarse levels show the mean colour of what their points stand for, and the \
          originals are kept beside."
             .into(),
     )];
