@@ -81,6 +81,14 @@ struct Set {
     least: f32,
 }
 
+/// Where a picture is taken from.
+#[derive(Debug, Clone, Copy)]
+pub struct Stand {
+    shot: Shot,
+    /// World z above which nothing is shown.
+    top: f64,
+}
+
 /// A picture that is set up: all that it needs is in memory.
 pub struct SetUp {
     shot: Shot,
@@ -121,8 +129,20 @@ impl Studio {
 
     /// Chooses and reads what a picture needs.
     pub fn set_up(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<SetUp> {
+        let stand = self.stand(size, view);
+        self.set_up_from(stand, size, quality)
+    }
+
+    /// Where a view is taken from. It follows the first look at the octree, so
+    /// another octree of the same cloud would choose another by a little.
+    pub fn stand(&self, size: [u32; 2], view: View) -> Stand {
         let top = self.top(view);
-        let shot = frame(&self.below(top), view, size, false);
+        Stand { shot: frame(&self.below(top), view, size, false), top }
+    }
+
+    /// The same from a given stand.
+    pub fn set_up_from(&mut self, stand: Stand, size: [u32; 2], quality: &Quality) -> Result<SetUp> {
+        let Stand { shot, top } = stand;
         Ok(SetUp { shot, size, set: self.set(&[shot], size, top, quality)? })
     }
 

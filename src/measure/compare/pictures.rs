@@ -14,7 +14,7 @@ use crate::render::colour::ColorBy;
 use crate::render::frame::{Picture, Shading};
 use crate::render::framing::View;
 use crate::render::renderer::Choice;
-use crate::render::studio::{Quality, Studio};
+use crate::render::studio::{Effort, Quality, Stand, Studio};
 
 /// Points of the pictures that renderers are compared by.
 const BUDGETS: [u64; 6] = [25_000, 50_000, 100_000, 250_000, 600_000, 1_500_000];
@@ -35,16 +35,25 @@ fn styles() -> [(&'static str, Shading); 4] {
     ]
 }
 
-/// The picture of all points, and what the eye sees of it.
+/// The picture of all points, what the eye sees of it, and where it was taken
+/// from: all that are held against it are taken from there too.
 struct Full {
+    stand: Stand,
     picture: Picture,
     seen: flip::Reference,
 }
 
 impl Full {
-    fn new(picture: Picture) -> Full {
-        Full { seen: flip::Reference::new(SIZE[0] as usize, &picture.pixels), picture }
+    fn new(studio: &mut Studio, view: View) -> Result<Full> {
+        let stand = studio.stand(SIZE, view);
+        let (picture, _) = taken(studio, stand, &Quality::full())?;
+        Ok(Full { stand, seen: flip::Reference::new(SIZE[0] as usize, &picture.pixels), picture })
     }
+}
+
+fn taken(studio: &mut Studio, stand: Stand, quality: &Quality) -> Result<(Picture, Effort)> {
+    let set_up = studio.set_up_from(stand, SIZE, quality)?;
+    Ok((studio.draw(&set_up, quality)?, set_up.effort()))
 }
 
 /// All pictures of a view; what they come to is added to the methods' and the
@@ -61,17 +70,17 @@ pub fn measure(
         let mut studio = Studio::open(&octree(place, method), ColorBy::Auto, Choice::Cpu)?;
         let full = match &full {
             Some(full) => full,
-            None => full.insert(Full::new(studio.still(SIZE, view, &Quality::full())?.0)),
+            None => full.insert(Full::new(&mut studio, view)?),
         };
         for &budget in &wishes.budgets {
-            let (picture, effort) = studio.still(SIZE, view, &within(budget))?;
+            let (picture, effort) = taken(&mut studio, full.stand, &within(budget))?;
             figures.pictures.push(held_against(full, &picture, name, budget, effort.points));
             wishes.means.go_on()?;
         }
     }
     let Some(full) = full else { return Ok(()) };
     for choice in choices() {
-        draw(wishes, (name, view), choice, place, &full, renderers)?;
+        draw(wishes, name, choice, place, &full, renderers)?;
     }
     Ok(())
 }
@@ -84,7 +93,7 @@ fn choices() -> Vec<Choice> {
 
 fn draw(
     wishes: &Wishes,
-    (name, view): (&str, View),
+    name: &str,
     choice: Choice,
     place: &Place,
     full: &Full,
@@ -94,7 +103,7 @@ fn draw(
     for budget in BUDGETS {
         let started = Instant::now();
         let quality = within(budget);
-        let set = studio.set_up(SIZE, view, &quality)?;
+        let set = studio.set_up_from(full.stand, SIZE, &quality)?;
         let load_ms = started.elapsed().as_secs_f64() * 1e3;
         for (style, shading) in styles() {
             let mut times = Vec::new();
