@@ -134,10 +134,11 @@ fn speed_against_accuracy_is_charted_and_held_against_an_earlier_run() {
             method["cpu"]["median"].as_f64().unwrap() > 0.0 && method["peak"].as_u64().unwrap() > 1 << 20
         );
         let pictures = method["pictures"].as_array().unwrap();
-        assert!(pictures.len() == 2 * 4 && pictures.iter().all(|it| it["error"].as_f64().unwrap() < 60.0));
+        // All points of a cloud so small are in every picture, whatever the method:
+        // it is the same picture, but for averaged colours.
+        let most = if method["method"].as_str().unwrap().contains("averaged") { 3.0 } else { 0.0 };
+        assert!(pictures.len() == 2 * 4 && pictures.iter().all(|it| it["error"].as_f64().unwrap() <= most));
     }
-    // All points of a cloud so small are in every picture: drawn as the picture that
-    // it is held against, it errs not at all.
     let best =
         scene["renderers"].as_array().unwrap().iter().find(|it| it["style"] == "high quality").unwrap();
     let last = best["pictures"].as_array().unwrap().iter().filter(|it| it["picture"]["budget"] == 1_500_000);
