@@ -8,6 +8,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use super::context::Cancel;
 use super::error::{Result, StageError};
 
+/// Keeps the first failure. Whoever waited for one that failed only gives up, and
+/// may be heard first: that is no failure of its own.
+fn keep(failure: &mut Option<StageError>, error: StageError) {
+    if !matches!(failure, Some(kept) if !matches!(kept, StageError::Cancelled)) {
+        *failure = Some(error);
+    }
+}
+
 /// Runs `work` for every unit below `units` on `threads` threads of the current
 /// rayon pool, each with a state of its own. Stops at the first error, or when
 /// cancelled.
@@ -33,7 +41,7 @@ pub fn in_order<S>(
             if let Err(error) = outcome {
                 stop.store(true, Ordering::Relaxed);
                 let mut failure = failure.lock().unwrap_or_else(|e| e.into_inner());
-                failure.get_or_insert(error);
+                keep(&mut failure, error);
             }
         }
     };
@@ -45,5 +53,27 @@ pub fn in_order<S>(
     match failure.into_inner().unwrap_or_else(|e| e.into_inner()) {
         Some(error) => Err(error),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_is_told_and_not_that_others_gave_up() {
+        let lost = || StageError::Inconsistent("lost".into());
+        let late = || StageError::Inconsistent("late".into());
+        for order in [[StageError::Cancelled, lost(), late()], [lost(), StageError::Cancelled, late()]] {
+            let mut failure = None;
+            order.into_iter().for_each(|error| keep(&mut failure, error));
+            assert!(
+                matches!(&failure, Some(StageError::Inconsistent(what)) if what == "lost"),
+                "{failure:?}"
+            );
+        }
+        let mut failure = None;
+        keep(&mut failure, StageError::Cancelled);
+        assert!(matches!(failure, Some(StageError::Cancelled)));
     }
 }
