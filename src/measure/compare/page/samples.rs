@@ -90,14 +90,14 @@ fn even_table(report: &Report) -> Table {
     });
     Table {
         caption:
-            "Samples of inner nodes: how many have another closer than the spacing, and the largest hole"
+            "Samples of inner nodes: how many have another closer than the spacing, in their own node or in another one, and the largest hole"
                 .into(),
         columns: vec![
             column("scene", ""),
             column("method", ""),
             column("samples", ""),
-            column("too near in their node", "%"),
-            column("too near across nodes", "%"),
+            column("inside nodes", "%"),
+            column("across nodes", "%"),
             column("largest hole", "spacings"),
         ],
         rows: rows.chain(plane).collect(),
