@@ -131,12 +131,13 @@ fn speed_against_accuracy_is_charted_and_held_against_an_earlier_run() {
     assert_eq!(names[..2], ["poisson", "shells"]);
     for method in scene["methods"].as_array().unwrap() {
         assert!(
-            method["cpu"]["median"].as_f64().unwrap() > 0.0 && method["peak"].as_u64().unwrap() > 1 << 20
+            method["wall"]["median"].as_f64().unwrap() > 0.0 && method["peak"].as_u64().unwrap() > 1 << 20
         );
         let pictures = method["pictures"].as_array().unwrap();
         // All points of a cloud so small are in every picture, whatever the method:
-        // it is the same picture, but for averaged colours.
-        let most = if method["method"].as_str().unwrap().contains("averaged") { 3.0 } else { 0.0 };
+        // it is the same picture but for the size of a few splats, and for averaged
+        // colours.
+        let most = if method["method"].as_str().unwrap().contains("averaged") { 3.0 } else { 0.05 };
         assert!(pictures.len() == 2 * 4 && pictures.iter().all(|it| it["error"].as_f64().unwrap() <= most));
     }
     let best =
