@@ -123,6 +123,11 @@ impl Report {
 }
 
 impl SceneReport {
+    /// The figures of the default method.
+    pub fn default_method(&self) -> Option<&MethodReport> {
+        self.methods.iter().find(|method| method.is_default())
+    }
+
     pub fn method(&self, name: &str) -> Option<&MethodReport> {
         self.methods.iter().find(|method| method.method == name)
     }

@@ -22,7 +22,7 @@ pub struct Finding {
 pub fn findings(report: &Report) -> Vec<Finding> {
     let mut findings = Vec::new();
     for scene in &report.scenes {
-        let Some(default) = scene.methods.iter().find(|method| method.is_default()) else { continue };
+        let Some(default) = scene.default_method() else { continue };
         let name = &scene.name;
         let beaten = beaten_by(scene, default, report.budgets.first().copied().unwrap_or(0));
         findings.push(match &beaten {

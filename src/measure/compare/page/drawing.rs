@@ -1,18 +1,14 @@
 //! What each way to draw costs, and how near it comes to the picture of all points.
 
+use std::collections::BTreeSet;
+use std::slice;
+
 use crate::measure::chart::{Axis, Before, Figure, Item, Lines, Mark, Panel, Section, Series};
 use crate::measure::compare::pictures::{BEST, PLAINEST};
 use crate::measure::compare::report::{FrameReport, Report, SceneReport, mean};
 use crate::verify::grouped;
 
 pub fn section(report: &Report, before: Option<&Report>) -> Section {
-    let budgets = |scene: &SceneReport| -> Vec<u64> {
-        let all = scene.renderers.iter().flat_map(|renderer| &renderer.pictures);
-        let mut budgets: Vec<u64> = all.map(|frame| frame.picture.budget).collect();
-        budgets.sort_unstable();
-        budgets.dedup();
-        budgets
-    };
     // The mean over the views, a mark a budget.
     let marks = |scene: &SceneReport, style: &str, renderer: &str, flip: bool| -> Vec<[f64; 2]> {
         let Some(found) = scene.renderers.iter().find(|r| r.style == style && r.renderer == renderer) else {
@@ -26,7 +22,7 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
             };
             [mean(frames().map(|frame| frame.draw_ms)), mean(frames().map(error))]
         };
-        budgets(scene).into_iter().map(of).collect()
+        budgets(slice::from_ref(scene)).into_iter().map(of).collect()
     };
     let panel = |scene: &SceneReport, flip: bool| {
         let earlier = before.and_then(|before| before.scene(&scene.name));
@@ -34,7 +30,8 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
             let (style, who) = (renderer.style.as_str(), renderer.renderer.as_str());
             let old = earlier.map(|earlier| marks(earlier, style, who, flip)).unwrap_or_default();
             let name = if who == "cpu" { style.to_string() } else { format!("{style}, {who}") };
-            let now = marks(scene, style, who, flip).into_iter().enumerate().zip(budgets(scene));
+            let now =
+                marks(scene, style, who, flip).into_iter().enumerate().zip(budgets(slice::from_ref(scene)));
             let mark = now.map(|((place, [x, y]), budget)| Mark {
                 note: format!("{} points at most", grouped(budget)),
                 before: old.get(place).map(|[x, y]| Before { x: *x, y: *y, size: None }),
@@ -73,6 +70,13 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
     Section { heading: "Drawing".into(), items }
 }
 
+/// The budgets that scenes were drawn with, from the least.
+fn budgets(scenes: &[SceneReport]) -> Vec<u64> {
+    let all = scenes.iter().flat_map(|scene| &scene.renderers).flat_map(|renderer| &renderer.pictures);
+    let budgets: BTreeSet<u64> = all.map(|frame| frame.picture.budget).collect();
+    budgets.into_iter().collect()
+}
+
 /// What the charts of drawing say, in a sentence: the plainest way beside the best
 /// at the same budget, over all scenes.
 fn drawing_says(report: &Report) -> String {
@@ -82,14 +86,7 @@ fn drawing_says(report: &Report) -> String {
         those.flat_map(|it| &it.pictures).filter(move |frame| frame.picture.budget == budget)
     };
     let (plain, best) = (PLAINEST, BEST);
-    let mut budgets: Vec<u64> = report
-        .scenes
-        .iter()
-        .flat_map(|scene| &scene.renderers)
-        .flat_map(|it| it.pictures.iter().map(|frame| frame.picture.budget))
-        .collect();
-    budgets.sort_unstable();
-    budgets.dedup();
+    let budgets = budgets(&report.scenes);
     let budget = budgets.get(budgets.len() / 2).copied().unwrap_or(0);
     let times = |of: fn(&FrameReport) -> f64| {
         mean(frames(best, budget).map(of)) / mean(frames(plain, budget).map(of))

@@ -66,7 +66,7 @@ pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&Scen
 /// What a scene's chart says, in a sentence.
 fn says(report: &Report, scene: &SceneReport) -> String {
     let budget = budget(report);
-    let Some(default) = scene.methods.iter().find(|method| method.is_default()) else {
+    let Some(default) = scene.default_method() else {
         return String::new();
     };
     let others = scene.methods.iter().filter(|method| !method.is_default());

@@ -4,6 +4,7 @@ use crate::measure::chart::{
     Axis, Bar, Bars, Cell, Column, Figure, Group, Item, Lines, Pattern, Patterns, Section, Table,
 };
 use crate::measure::compare::report::{MethodReport, PatternReport, Report, SceneReport};
+use crate::measure::sampling::evenness::Evenness;
 
 pub fn section(report: &Report, before: Option<&Report>) -> Section {
     let mut items = Vec::new();
@@ -65,29 +66,22 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
 
 fn even_table(report: &Report) -> Table {
     let column = Column::new;
+    let row = |scene: &str, method: &str, even: &Evenness| {
+        vec![
+            Cell::Text(scene.to_string()),
+            Cell::Text(method.to_string()),
+            Cell::Number(even.samples as f64),
+            Cell::Number(100.0 * even.inside_share()),
+            Cell::Number(100.0 * even.across_share()),
+            Cell::Number(even.hole),
+        ]
+    };
     let rows = report.scenes.iter().flat_map(|scene| {
         // With other colours they are the same samples.
-        scene.methods.iter().filter(|method| method.sampler_ns.is_some()).map(|method| {
-            vec![
-                Cell::Text(scene.name.clone()),
-                Cell::Text(method.method.clone()),
-                Cell::Number(method.even.samples as f64),
-                Cell::Number(100.0 * method.even.inside_share()),
-                Cell::Number(100.0 * method.even.across_share()),
-                Cell::Number(method.even.hole),
-            ]
-        })
+        let methods = scene.methods.iter().filter(|method| method.sampler_ns.is_some());
+        methods.map(move |method| row(&scene.name, &method.method, &method.even))
     });
-    let plane = report.patterns.iter().map(|pattern| {
-        vec![
-            Cell::Text("plane of noise".into()),
-            Cell::Text(pattern.method.clone()),
-            Cell::Number(pattern.even.samples as f64),
-            Cell::Number(100.0 * pattern.even.inside_share()),
-            Cell::Number(100.0 * pattern.even.across_share()),
-            Cell::Number(pattern.even.hole),
-        ]
-    });
+    let plane = report.patterns.iter().map(|it| row("plane of noise", &it.method, &it.even));
     Table {
         caption:
             "Samples of inner nodes: how many have another closer than the spacing, in their own node or in another one, and the largest hole"
