@@ -11,11 +11,14 @@ mod replace;
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
+use std::num::NonZeroU64;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::Duration;
+
+use rustix::fs::Advice;
 
 pub use replace::inode;
 
@@ -268,6 +271,16 @@ impl DiskFile {
         self.file.write_all_at(bytes, offset).map_err(|e| DiskError::new("write to", &self.path, e))?;
         self.disk.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// Has the system begin to carry to the disk what was just written, so that
+    /// [`DiskFile::sync`] finds little left to wait for. It is how Linux starts on
+    /// "not needed soon": pages that are on their way stay in memory. Only advice:
+    /// whether it was taken is not asked.
+    pub fn begin_sync(&self, offset: u64, bytes: u64) {
+        if let Some(bytes) = NonZeroU64::new(bytes) {
+            let _ = rustix::fs::fadvise(&self.file, offset, Some(bytes), Advice::DontNeed);
+        }
     }
 
     pub fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> Result<()> {

@@ -208,6 +208,7 @@ impl OctreeFile {
         match (content, &self.scratch) {
             (Content::Here(bytes, receipt), scratch) => {
                 self.file.write_all_at(&bytes, at)?;
+                self.file.begin_sync(at, bytes.len() as u64);
                 if let (Some(scratch), Some(built)) = (scratch, receipt) {
                     scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..built } })?;
                 }
@@ -218,6 +219,7 @@ impl OctreeFile {
             }
             (Content::Spilled(bytes), Some(scratch)) => {
                 self.file.write_all_at(&scratch.unspill(number, bytes)?, at)?;
+                self.file.begin_sync(at, bytes);
                 scratch.placed(number, at)?;
             }
             (Content::Spilled(_), None) => {
