@@ -44,6 +44,14 @@ fn a_dropped_file_becomes_the_octree_that_convert_makes() {
 
     let details = daemon.json(&format!("/api/jobs/{}", job["id"]));
     assert_eq!(details["inputs"][0]["size"], 30_000 * 20 + 227);
+    // The job's result is the report's, but for the inputs, which it has itself.
+    let report = fs::read(daemon.octree("größe 1").join("report.json")).expect("a report");
+    let mut report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    let inputs = report.as_object_mut().and_then(|report| report.remove("inputs")).expect("inputs");
+    assert_eq!(inputs[0]["blake3"], details["inputs"][0]["hash"]);
+    assert_eq!(inputs[0]["blake3"].as_str().map(str::len), Some(64));
+    assert!(report["lattice"]["scale"].is_array() && report["cube"].is_number(), "{report}");
+    assert_eq!(details["result"], report);
     assert_eq!(details["attempts_log"][0]["outcome"], "succeed");
     let metrics = daemon.wait_metrics(&[
         "lodestone_jobs{state=\"done\"} 1",

@@ -105,7 +105,11 @@ fn of_a_cut_las_the_whole_records_are_kept() {
     let cut = &whole[..start + 70_000 * 34 + 17];
     bench.is_refused(cut, 70_000);
     let outcome = bench.is_kept(cut, &[(0, 70_000)]);
-    assert!(outcome.notes.iter().any(|n| n.contains("70000 of its 120000 points")), "{:?}", outcome.notes);
+    assert!(
+        outcome.repairs.iter().any(|n| n.contains("70000 of its 120000 points")),
+        "{:?}",
+        outcome.repairs
+    );
     // Nobody who does not ask for it takes the part for the whole.
     assert!(verified(&bench.octree(), &bench.input(), false).is_err());
 }
@@ -117,7 +121,7 @@ fn a_whole_file_is_converted_the_same_in_both_modes() {
         bench.convert(&bench.whole(), Damaged::Fail).unwrap();
         let expected = common::octree_bytes(&bench.octree());
         let outcome = bench.is_kept(&bench.whole(), &[(0, POINTS)]);
-        assert_eq!(outcome.notes, Vec::<String>::new());
+        assert_eq!([outcome.repairs, outcome.notes].concat(), Vec::<String>::new());
         assert_eq!(common::octree_bytes(&bench.octree()), expected);
     }
 }
@@ -172,7 +176,7 @@ fn a_damaged_chunk_in_the_middle_takes_only_its_own_points() {
         bench.is_refused(&bytes, POINTS - CHUNK);
         let outcome = bench.is_kept(&bytes, &[(0, CHUNK), (2 * CHUNK, POINTS)]);
         let told = "the points 50000 to 99999 are lost";
-        assert!(outcome.notes.iter().any(|note| note.contains(told)), "{:?}", outcome.notes);
+        assert!(outcome.repairs.iter().any(|repair| repair.contains(told)), "{:?}", outcome.repairs);
     }
 }
 

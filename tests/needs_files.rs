@@ -55,7 +55,7 @@ fn a_header_that_counts_too_few_or_none_loses_no_point_and_too_many_is_an_error(
         patch(&input, &[(LEGACY_COUNT, &said.to_le_bytes())]);
         let held = held(&input, &folder.path().join("octree"));
         assert_eq!(held.outcome.points_in, 5000, "the header said {said}");
-        assert!(!held.outcome.notes.is_empty(), "and it is told");
+        assert!(!held.outcome.repairs.is_empty(), "and it is told");
     }
     write_las(&input, &options_of(1, false), &records);
     patch(&input, &[(LEGACY_COUNT, &5001u32.to_le_bytes())]);
@@ -70,11 +70,12 @@ fn wrong_counts_by_return_lose_no_point_and_are_told() {
     let at = |name: &str| folder.path().join(name);
     for (format, place) in [(1, 111), (6, 255)] {
         write_las(&at("cloud.las"), &options_of(format, false), &surface(format, 5_000, 1));
-        let told = |held: &Held| held.outcome.notes.iter().filter(|note| note.contains("by return")).count();
+        let told =
+            |held: &Held| held.outcome.repairs.iter().filter(|note| note.contains("by return")).count();
         assert_eq!(told(&held(&at("cloud.las"), &at("octree"))), 0, "format {format}: they are right");
         patch(&at("cloud.las"), &[(place, &[7, 7])]);
         let held = held(&at("cloud.las"), &at("octree"));
-        assert_eq!((told(&held), held.outcome.points_in), (1, 5_000), "{:?}", held.outcome.notes);
+        assert_eq!((told(&held), held.outcome.points_in), (1, 5_000), "{:?}", held.outcome.repairs);
     }
 }
 
@@ -82,11 +83,16 @@ fn wrong_counts_by_return_lose_no_point_and_are_told() {
 fn of_the_legacy_count_and_that_of_1_4_the_true_one_counts() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("cloud.las");
-    for (legacy, count) in [(4000u32, 5000u64), (5000, 4000), (0, 5000), (5000, 0), (9000, 5000)] {
-        write_las(&input, &modern(1), &surface(1, 5000, 1));
+    let lies = [(4000u32, 5000u64), (5000, 4000), (0, 5000), (5000, 0), (9000, 5000)];
+    for ((legacy, count), format) in lies.into_iter().flat_map(|lie| [(lie, 1), (lie, 6)]) {
+        write_las(&input, &modern(format), &surface(format, 5000, 1));
         patch(&input, &[(LEGACY_COUNT, &legacy.to_le_bytes()), (COUNT, &count.to_le_bytes())]);
         let held = held(&input, &folder.path().join("octree"));
         assert_eq!(held.outcome.points_in, 5000, "legacy {legacy}, 1.4 {count}");
+        // Only that of old may be left out.
+        let told =
+            held.outcome.repairs.iter().filter(|repair| repair.contains("two counts of points")).count();
+        assert_eq!(told, usize::from(legacy > 0), "legacy {legacy}, 1.4 {count}: {:?}", held.outcome.repairs);
     }
 }
 

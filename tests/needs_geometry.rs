@@ -66,6 +66,13 @@ fn duplicates_that_appear_only_after_quantisation() {
     write_points(&tiles.join("far.las"), [1e-6; 3], [1e6, 0.0, 0.0], &field(30_000, [0; 3], 1_000_000_000));
     let held = held(&tiles, &folder.path().join("octree"));
     assert!(!held.outcome.exact);
+    let [x, y, z] = held.outcome.max_error;
+    assert!((x - 128e-6).abs() < 1e-12 && y + z == 0.0, "{:?}", held.outcome.max_error);
+    assert_eq!(held.outcome.max_error_units, 128.0);
+    let moved = held.report.against.as_ref().unwrap().position.world[0];
+    assert!(moved > 1e-4 && moved < x * 1.001, "{moved}, and {x} was told");
+    let told = "x was rounded to 0.000256, by at most 0.000128, 128 of the finest input's units";
+    assert!(held.outcome.notes.iter().any(|note| note.contains(told)), "{:?}", held.outcome.notes);
     assert!(aside(&held, Reason::Duplicate) >= 10_000, "{:?}", held.outcome);
     assert_eq!(aside(&held, Reason::Outlier), 0);
 }
@@ -197,9 +204,36 @@ fn a_header_s_box_may_say_anything() {
     ];
     for said in boxes {
         patch(&input, &[(179, &said.map(f64::to_le_bytes).concat())]);
-        held(&input, &octree);
+        let held = held(&input, &octree);
         assert!(octree_bytes(&octree) == right, "a header's box of {said:?} changed the octree");
+        let told = held
+            .outcome
+            .repairs
+            .iter()
+            .filter(|repair| repair.contains("cloud.las: the header's bounding box"));
+        assert_eq!(told.count(), 1, "{said:?}: {:?}", held.outcome.repairs);
     }
+}
+
+/// Eight tiles in a row. Of one the box is wrong within that of all, which shows
+/// in nothing but the points; and of all.
+#[test]
+fn of_every_tile_whose_box_is_wrong_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tiles, octree) = (folder.path().join("tiles"), folder.path().join("octree"));
+    fs::create_dir(&tiles).unwrap();
+    let tile = |number: i32| tiles.join(format!("tile-{number}.las"));
+    for number in 0..8 {
+        write_points(&tile(number), MILLIMETRE, ORIGIN, &field(500, [number * 1000, 0, 0], 1000));
+    }
+    let repairs = || held_with(&tiles, &octree, &Options::default(), IN_CORE).outcome.repairs;
+    assert_eq!(repairs(), Vec::<String>::new());
+    patch(&tile(3), &[(187, &3.5f64.to_le_bytes())]);
+    let told = repairs();
+    assert!(told.len() == 1 && told[0].contains("tile-3.las: the header's bounding box"), "{told:?}");
+    (0..8).for_each(|number| patch(&tile(number), &[(187, &3.5f64.to_le_bytes())]));
+    let told = repairs();
+    assert!(told.len() == 6 && told[5].contains("and 3 more files"), "{told:?}");
 }
 
 #[test]

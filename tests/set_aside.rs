@@ -4,17 +4,21 @@
 mod common;
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::{context, octree_bytes, options_of, request, surface, write_las};
+use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
 use lodestone::lod::tree::LEAF_LIMIT;
+use lodestone::stage::context::{Context, Snapshot, Stage};
 use lodestone::stage::options::{Mode, Options};
 use lodestone::stage::set_aside::Reason;
 use lodestone::verify;
+use serde_json::json;
 
 const IN_CORE: u64 = 2 << 30;
 const OUT_OF_CORE: u64 = 45 << 20;
@@ -39,6 +43,32 @@ fn verified(output: &Path, input: &Path, set_aside: u64) {
     assert!(report.ok, "{report}");
     let against = report.against.unwrap();
     assert_eq!((against.missing, against.extra, against.set_aside), (0, 0, set_aside));
+}
+
+fn report(octree: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(octree.join("report.json")).unwrap()).unwrap()
+}
+
+/// What was dropped is told by the report and by `verify`, which ends with 3; and
+/// where more is missing than that, the octree is wrong.
+fn told_as_dropped(octree: &Path, input: &Path, guard: &str, points: u64) {
+    assert!(!octree.join("set-aside.laz").exists());
+    let mut report = report(octree);
+    let guards = report["guards"].as_array().unwrap();
+    let told = guards.iter().find(|told| told["name"] == guard).unwrap();
+    assert_eq!((&told["mode"], &told["points"]), (&json!("drop"), &json!(points)));
+    let verify = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lodestone"));
+        let run = command.arg("verify").arg(octree).arg("--against").arg(input).output().unwrap();
+        (run.status.code(), String::from_utf8_lossy(&run.stdout).replace(' ', ""))
+    };
+    let (code, text) = verify();
+    assert!(code == Some(3) && text.contains(&format!("{points}missing({points}weredropped")), "{text}");
+    assert!(text.contains(&format!("Nothingiswrong,but{points}points")), "{text}");
+    report["points_dropped"] = json!(points - 1);
+    fs::write(octree.join("report.json"), report.to_string()).unwrap();
+    let (code, text) = verify();
+    assert!(code == Some(1) && text.contains("WRONG"), "{text}");
 }
 
 /// Moves the last `count` of some records to what `place` says.
@@ -96,6 +126,12 @@ fn six_outliers_cost_no_level_no_scale_and_no_point() {
     assert_eq!((outcome.points_set_aside, outcome.points_out), (0, 300_000));
     assert!(depth(&at("octree")) > depth(&at("expected")) + 8, "the levels that the guard saves");
     verified(&at("octree"), &at("with.laz"), 0);
+    let drop = Options { outliers: Mode::Drop, ..Options::default() };
+    let outcome = convert(&at("with.laz"), &at("octree"), &drop, IN_CORE);
+    assert_eq!((outcome.points_set_aside, outcome.points_dropped), (6, 6));
+    assert_eq!((outcome.points_out, outcome.files_aside), (299_994, vec![]));
+    assert_eq!(depth(&at("octree")), depth(&at("expected")));
+    told_as_dropped(&at("octree"), &at("with.laz"), "outlier", 6);
 }
 
 /// PC#437, PC#438, PC#442: duplicate points never end, or are lost.
@@ -136,6 +172,7 @@ fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
     let outcome = convert(&input, &at("octree"), &drop, IN_CORE);
     assert_eq!(outcome.points_in, outcome.points_out + outcome.points_set_aside);
     assert!(outcome.points_set_aside > 0 && !at("octree/set-aside.laz").exists());
+    told_as_dropped(&at("octree"), &input, "duplicate", outcome.points_set_aside);
 }
 
 #[test]
@@ -163,6 +200,11 @@ fn exact_twins_are_set_aside_on_request_and_near_twins_never() {
     }
     let outcome = convert(&at("twins.laz"), &at("octree"), &Options::default(), IN_CORE);
     assert_eq!(outcome.points_set_aside, 0);
+    let drop = Options { twins: Mode::Drop, ..Options::default() };
+    let outcome = convert(&at("twins.laz"), &at("octree"), &drop, IN_CORE);
+    assert_eq!((outcome.points_set_aside, outcome.points_dropped), (6_000, 6_000));
+    assert_eq!((outcome.points_out, outcome.files_aside), (66_000, vec![]));
+    told_as_dropped(&at("octree"), &at("twins.laz"), "twin", 6_000);
 }
 
 #[test]
@@ -178,11 +220,31 @@ fn a_report_lies_beside_every_octree_and_tells_no_path() {
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(report["inputs"][0]["name"], "hill.las");
     assert_eq!(report["inputs"][0]["points"], 3_000);
+    assert_eq!(report["inputs"][0]["version"], "1.3");
+    assert_eq!(report["inputs"][0]["bytes"], fs::metadata(&input).unwrap().len());
+    assert!(report["inputs"][0].get("blake3").is_none(), "nobody has read it for that");
+    assert_eq!(report["lodestone"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(report["lattice"]["scale"], json!([0.01, 0.01, 0.01]));
+    assert_eq!((&report["exact"], &report["max_error"]), (&json!(true), &json!([0.0, 0.0, 0.0])));
+    assert_eq!((&report["nodes"], &report["depth"]), (&json!(outcome.nodes), &json!(depth(&output))));
+    assert_eq!((&report["repairs"], &report["notes"]), (&json!([]), &json!([])));
+    assert_eq!((&report["points_in"], &report["points_set_aside"]), (&json!(3_000), &json!(0)));
+    // Of every guard, though none found anything.
+    let guards = report["guards"].as_array().unwrap();
+    let told =
+        guards.iter().map(|g| (g["name"].as_str().unwrap(), g["mode"].as_str().unwrap(), &g["points"]));
+    let zero = json!(0);
+    let expected =
+        [("outlier", "set-aside", &zero), ("duplicate", "set-aside", &zero), ("twin", "keep", &zero)];
+    assert_eq!(told.collect::<Vec<_>>(), expected);
+    assert!(guards[0]["threshold"].as_str().unwrap().contains("at most 16 points"), "{guards:?}");
+    assert!(guards[1]["threshold"].as_str().unwrap().contains("10000 points"), "{guards:?}");
     assert_eq!(report["points_out"], outcome.points_out);
     assert_eq!(report["options"]["outliers"], "set-aside");
-    assert!(
-        report["seconds_by_stage"]["index"].is_number() && report["peak_bytes_by_stage"]["index"].is_number()
-    );
+    for stage in ["survey", "distribute", "index", "merge", "publish"] {
+        assert!(report["seconds_by_stage"][stage].is_number(), "{stage}");
+        assert!(report["peak_bytes_by_stage"][stage].is_number(), "{stage}");
+    }
     verified(&output, &input, 0);
 }
 
@@ -229,6 +291,29 @@ fn files_of_different_layouts_have_what_is_set_aside_in_files_of_their_own() {
     let aside = convert(&input, &again, &Options { duplicates: Mode::Keep, ..Options::default() }, IN_CORE);
     assert!(aside.points_out > 0);
     verified(&again, &input, 0);
+}
+
+/// Else a long write would be taken for a job that stands still. Where the disk
+/// fails under it, what it had told by then can be seen.
+#[test]
+fn writing_what_is_set_aside_is_progress() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("crowd.las"), folder.path().join("octree"));
+    let (length, aside) = (record_length(0).unwrap(), 140_000);
+    let records = moved(surface(0, 180_000, 7), length, aside + LEAF_LIMIT, |_| [9_000, 9_000, 900]);
+    write_las(&input, &options_of(0, false), &records);
+    let inputs = [input];
+    for operation in 0.. {
+        let _ = fs::remove_dir_all(&output);
+        let disk = Disk::failing_from(operation, ErrorKind::StorageFull);
+        let means = Context { disk, ..context(folder.path(), 1, IN_CORE) };
+        let result = conduct::convert(&request(&inputs, &output, &Options::default()), &means);
+        let Snapshot { stage, done, total } = means.progress.snapshot();
+        if stage == Stage::Index && total == aside as u64 && 0 < done && done < total {
+            return;
+        }
+        assert!(result.is_err(), "of {operation} operations none was under way there");
+    }
 }
 
 #[test]

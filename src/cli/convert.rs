@@ -1,5 +1,6 @@
 //! `lodestone convert`.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -98,6 +99,8 @@ pub fn run(arguments: Arguments) -> Exit {
             attributes: arguments.attributes,
             name: arguments.name,
         },
+        // Hashing would read every file once more.
+        hashes: HashMap::new(),
     };
     crate::daemon::signals::cancel_on_signal(&context.cancel);
     let style = arguments.progress;
@@ -139,16 +142,14 @@ fn scratch_name(name: &str, output: &Path) -> String {
 }
 
 fn print_outcome(request: &Request, outcome: &Outcome) {
-    for note in &outcome.notes {
+    for note in outcome.repairs.iter().chain(&outcome.notes) {
         println!("note: {note}");
     }
     for (reason, points) in &outcome.set_aside {
         let points = super::grouped(*points);
-        match outcome.files_aside.is_empty() {
-            false => {
-                println!("set aside: {points} ({}s), in {}", reason.name(), outcome.files_aside.join(", "))
-            }
-            true => println!("dropped as asked: {points} ({}s)", reason.name()),
+        match reason.mode(&request.options) {
+            Mode::Drop => println!("dropped as asked: {points} ({}s)", reason.name()),
+            _ => println!("set aside: {points} ({}s), in {}", reason.name(), outcome.files_aside.join(", ")),
         }
     }
     if outcome.points_missing > 0 {
@@ -178,7 +179,7 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
     match outcome.exact {
         true => println!("every position is exactly where the input has it"),
         false => println!(
-            "the inputs share no lattice: positions were rounded by at most {} of a unit",
+            "positions were rounded, by at most {:.4} of the finest input's units; the notes say why",
             outcome.max_error_units
         ),
     }

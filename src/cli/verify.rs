@@ -62,5 +62,9 @@ pub fn run(arguments: Arguments) -> Exit {
     } else {
         println!("{report}");
     }
-    if report.ok { Exit::Done } else { Exit::Failed }
+    match (report.ok, report.dropped()) {
+        (false, _) => Exit::Failed,
+        (true, 0) => Exit::Done,
+        (true, _) => Exit::SetAside,
+    }
 }

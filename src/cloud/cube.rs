@@ -152,7 +152,8 @@ mod tests {
     use super::*;
 
     fn lattice(scale: [f64; 3], min: [i32; 3], max: [i32; 3]) -> Lattice {
-        Lattice { scale, offset: [0.0; 3], exact: [true; 3], min, max }
+        let (finest, too_wide) = (scale, [false; 3]);
+        Lattice { scale, offset: [0.0; 3], exact: [true; 3], finest, too_wide, min, max }
     }
 
     #[test]

@@ -26,6 +26,11 @@ pub struct Lattice {
     pub offset: [f64; 3],
     /// Per axis, whether every input position lies on the lattice.
     pub exact: [bool; 3],
+    /// Finest scale of the inputs.
+    pub finest: [f64; 3],
+    /// Per axis, whether the inputs share a lattice on which they do not fit into
+    /// 32 bits.
+    pub too_wide: [bool; 3],
     /// Box of the stored integers of all inputs.
     pub min: [i32; 3],
     pub max: [i32; 3],
@@ -39,6 +44,34 @@ impl Lattice {
 
     pub fn is_exact(&self) -> bool {
         self.exact.iter().all(|e| *e)
+    }
+
+    /// Most that a position can have moved along an axis, as a length.
+    pub fn error(&self, axis: usize) -> f64 {
+        if self.exact[axis] { 0.0 } else { 0.5 * self.scale[axis] }
+    }
+
+    /// The same in units of the finest input, along the axis where it is most.
+    pub fn error_in_units(&self) -> f64 {
+        (0..3).map(|axis| self.error(axis) / self.finest[axis]).fold(0.0, f64::max)
+    }
+
+    /// Says of axes that are not exact how far positions moved, and why.
+    pub fn notes(&self) -> Vec<String> {
+        let inexact = (0..3).filter(|axis| !self.exact[*axis]);
+        let told = inexact.map(|axis| {
+            let (scale, finest, error) = (self.scale[axis], self.finest[axis], self.error(axis));
+            let why = match self.too_wide[axis] {
+                true => "the inputs reach too far for 32-bit integers of a finer scale",
+                false => "the inputs' scales and offsets share no lattice",
+            };
+            // Without the noise of binary digits.
+            let [scale, error, units] = [scale, error, error / finest]
+                .map(|number| format!("{number:.5e}").parse().unwrap_or(number));
+            let axis = ["x", "y", "z"][axis];
+            format!("{axis} was rounded to {scale}, by at most {error}, {units} of the finest input's units: {why}")
+        });
+        told.collect()
     }
 }
 
@@ -125,6 +158,8 @@ pub fn choose(
         scale: std::array::from_fn(|a| chosen[a].scale),
         offset: std::array::from_fn(|a| moved(chosen[a].offset, chosen[a].scale, shift[a])),
         exact: std::array::from_fn(|a| chosen[a].exact),
+        finest: std::array::from_fn(|a| chosen[a].finest),
+        too_wide: std::array::from_fn(|a| chosen[a].too_wide),
         min: low.map(|v| v as i32),
         max: high.map(|v| v as i32),
     };
@@ -152,6 +187,8 @@ struct AxisChoice {
     scale: f64,
     offset: f64,
     exact: bool,
+    finest: f64,
+    too_wide: bool,
     /// Box of the integers on this lattice, before the shift.
     low: i64,
     high: i64,
@@ -198,35 +235,35 @@ fn choose_axis(sources: &[SourceGrid], axis: usize) -> AxisChoice {
     let finest = scales[0];
     // Scales such as 0.01 and 0.025 meet on a finer one, and so do offsets
     // that are half a unit apart.
+    let mut too_wide = false;
     for divisor in [1.0, 2.0, 4.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0, 1000.0] {
-        if let Some(choice) = exact_axis(sources, axis, finest / divisor)
-            && choice.fits()
-        {
-            return choice;
+        match exact_axis(sources, axis, finest / divisor) {
+            Some(choice) if choice.fits() => return AxisChoice { finest, ..choice },
+            Some(_) => too_wide = true,
+            None => {}
         }
     }
-    for scale in &scales {
-        let choice = rounded_axis(sources, axis, *scale);
-        if choice.fits() {
-            return choice;
-        }
-    }
-    // Inputs so far apart that no scale of theirs spans them.
-    let mut scale = scales[scales.len() - 1];
+    // Inputs may be so far apart that no scale of theirs spans them.
+    let mut scale = finest;
+    let mut others = scales.into_iter().skip(1);
     loop {
-        scale *= 2.0;
         let choice = rounded_axis(sources, axis, scale);
         if choice.fits() {
-            return choice;
+            return AxisChoice { finest, too_wide, ..choice };
         }
+        scale = others.next().unwrap_or(scale * 2.0);
     }
 }
+
+/// The part of a unit up to which what keeps an offset from being whole units
+/// away may be the noise of its binary digits. Where these are coarser than that,
+/// nobody can tell noise from another lattice, and positions count as rounded.
+const MOST_NOISE: f64 = 0.1;
 
 /// The axis on `scale` and the first source's offset, if all sources lie on it.
 fn exact_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> Option<AxisChoice> {
     let offset = sources[0].offset[axis];
-    let mut choice =
-        AxisChoice { scale, offset, exact: true, low: i64::MAX, high: i64::MIN, axes: Vec::new() };
+    let mut choice = AxisChoice::new(scale, offset, true);
     for source in sources {
         let ratio = source.scale[axis] / scale;
         let mul = ratio.round();
@@ -237,7 +274,7 @@ fn exact_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> Option<AxisCho
         let distance = source.offset[axis] - offset;
         let add = (distance / scale).round();
         let noise = 4.0 * f64::EPSILON * (source.offset[axis].abs() + offset.abs()) / scale;
-        if add.abs() > 1e15 || (distance / scale - add).abs() > 1e-6 + noise {
+        if add.abs() > 1e15 || (distance / scale - add).abs() > 1e-6 + noise.min(MOST_NOISE) {
             return None;
         }
         choice.include(source, axis, Axis::Integer { mul: mul as i64, add: add as i64 });
@@ -247,8 +284,7 @@ fn exact_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> Option<AxisCho
 
 fn rounded_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> AxisChoice {
     let offset = sources[0].offset[axis];
-    let mut choice =
-        AxisChoice { scale, offset, exact: false, low: i64::MAX, high: i64::MIN, axes: Vec::new() };
+    let mut choice = AxisChoice::new(scale, offset, false);
     for source in sources {
         let to = Axis::Float {
             scale: source.scale[axis],
@@ -265,6 +301,11 @@ fn rounded_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> AxisChoice {
 }
 
 impl AxisChoice {
+    fn new(scale: f64, offset: f64, exact: bool) -> AxisChoice {
+        let (low, high) = (i64::MAX, i64::MIN);
+        AxisChoice { scale, offset, exact, finest: scale, too_wide: false, low, high, axes: Vec::new() }
+    }
+
     fn include(&mut self, source: &SourceGrid, axis: usize, to: Axis) {
         for raw in [source.min[axis], source.max[axis]] {
             let stored = to.apply(raw);
@@ -316,6 +357,31 @@ mod tests {
         let (lattice, _) = choose(&sources, |_, _| false);
         assert!(!lattice.exact[0]);
         assert!(lattice.scale[0] > 1e-8);
+        assert!(lattice.error_in_units() > 0.5, "they share a lattice, which is not fine enough");
+        assert!(lattice.notes()[0].contains("reach too far"), "{:?}", lattice.notes());
+    }
+
+    #[test]
+    fn how_far_positions_move_is_told_as_a_length_and_in_the_inputs_units() {
+        let apart = [source(1e-6, 0.0, 0, 1_000_000), source(1e-6, 1e6, 0, 1_000_000)];
+        let (lattice, to) = choose(&apart, |_, _| false);
+        assert_eq!((lattice.scale[0], lattice.finest[0]), (256.0 * 1e-6, 1e-6));
+        assert_eq!((lattice.error(0), lattice.error_in_units()), (128.0 * 1e-6, 128.0));
+        let moved = |raw: i32| lattice.world(0, to[0].stored([raw; 3])[0].into()) - f64::from(raw) * 1e-6;
+        let most = (0..1000).map(|raw| moved(raw).abs()).fold(0.0, f64::max);
+        assert!(most > 1e-4 && most < lattice.error(0) * 1.001, "{most}");
+        let note = "x was rounded to 0.000256, by at most 0.000128, 128 of the finest input's units: \
+                    the inputs reach too far for 32-bit integers of a finer scale";
+        assert_eq!(lattice.notes()[0], note);
+        assert_eq!(lattice.notes().len(), 3);
+        // A third of a unit apart; and as fine as the offset's own digits.
+        for (scale, offset, shift) in [(0.01, 0.0, 0.01 / 3.0), (1e-8, 5.4e6, 4e-9)] {
+            let sources = [source(scale, offset, 0, 100), source(scale, offset + shift, 0, 100)];
+            let (lattice, _) = choose(&sources, |_, _| false);
+            assert_eq!((lattice.is_exact(), lattice.error_in_units()), (false, 0.5), "{scale}");
+            assert!(lattice.notes()[0].contains("share no lattice"), "{:?}", lattice.notes());
+        }
+        assert!(choose(&apart[..1], |_, _| false).0.notes().is_empty());
     }
 
     #[test]

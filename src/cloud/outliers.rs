@@ -11,7 +11,7 @@
 use super::census::Grid;
 
 /// The box must become this many times shorter: four levels of the octree.
-const SHRINK: u64 = 16;
+pub const SHRINK: u64 = 16;
 
 /// The part of a cloud that holds all but its outliers, in cells of the census.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

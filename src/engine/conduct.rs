@@ -1,7 +1,7 @@
 //! Conducts one conversion: the stages in a row, each with what the one before
 //! it made. Both `lodestone convert` and the daemon come through here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,7 +18,7 @@ use crate::stage::error::StageError;
 use crate::stage::index::index;
 use crate::stage::machine;
 use crate::stage::merge::merge;
-use crate::stage::options::{LodColor, Options};
+use crate::stage::options::{LodColor, Mode, Options};
 use crate::stage::publish::{self, Octree};
 use crate::stage::receipt::Receipt;
 use crate::stage::scratch::{Scratch, units_done};
@@ -38,6 +38,9 @@ pub struct Request {
     /// the caller has yet to note that; asked again, it gets the same outcome.
     pub keep_scratch: bool,
     pub options: Options,
+    /// BLAKE3 of the inputs' content, by path, for the report; of those that
+    /// somebody has read for it anyhow.
+    pub hashes: HashMap<PathBuf, String>,
 }
 
 /// How a conversion went.
@@ -47,6 +50,8 @@ pub struct Outcome {
     pub points_in: u64,
     pub points_out: u64,
     pub points_set_aside: u64,
+    /// Those of them that are in no file, as was asked for.
+    pub points_dropped: u64,
     /// Points that the inputs promise and that are not in them, where what can be
     /// read of damaged files was asked for.
     pub points_missing: u64,
@@ -64,19 +69,26 @@ pub struct Outcome {
     pub scratch_bytes: u64,
     /// Whether every position is exactly where the input has it.
     pub exact: bool,
-    /// Most that a position can have moved, in units of the octree's scale.
+    /// Most that a position can have moved along an axis, in units of the finest
+    /// input's scale there.
     pub max_error_units: f64,
+    /// The same by axis, as a length in the cloud's own unit.
+    pub max_error: [f64; 3],
     /// Units of work that an earlier run had done.
     pub units_resumed: u64,
     /// Wall time by stage, in seconds.
     pub seconds_by_stage: BTreeMap<Stage, f64>,
-    /// Most memory that the process had had by the end of each stage, in bytes.
+    /// Most memory that the process had had by the end of each stage since the
+    /// conversion began, in bytes. The process's: conversions at the same time share
+    /// it, and the latest to begin starts it anew for all.
     pub peak_bytes_by_stage: BTreeMap<Stage, u64>,
     /// What colours coarse levels have; their own where there are none to average.
     pub lod_color: LodColor,
     /// Attributes that were left out because they are zero in every point.
     pub unused_attributes: Vec<String>,
-    /// What was odd about the inputs.
+    /// What the inputs say that is not so, where the points decided instead.
+    pub repairs: Vec<String>,
+    /// What else was odd about the inputs, and what it came to.
     pub notes: Vec<String>,
 }
 
@@ -184,6 +196,7 @@ impl Drop for Traces {
 fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Result<Outcome, StageError> {
     let (disk, options) = (&context.disk, &request.options);
     let mut times = Times::default();
+    machine::forget_peak_memory();
     let taken = request.output.exists() && !request.overwrite;
     if taken && !context.scratch.exists() {
         return Err(StageError::OutputExists(request.output.clone()));
@@ -192,7 +205,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     if paths.is_empty() {
         return Err(StageError::NoInputs);
     }
-    let mut opened = survey::open(&paths, options, context)?;
+    let mut opened = times.measure(Stage::Survey, || survey::open(&paths, options, context))?;
     let staging = Staging::open(disk, &request.output)?;
     let scratch = open_scratch(request, context, &opened, &staging)?;
     traces.are_ours(&staging, scratch.as_deref(), context);
@@ -218,7 +231,9 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let mut indexed =
         times.measure(Stage::Index, || index(&survey, &runs, &octree_file, options, context))?;
     let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
-    let files_aside = set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)?;
+    let files_aside = times.measure(Stage::Index, || {
+        set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)
+    })?;
     drop(runs);
     let mut statistics = indexed.statistics.clone();
     let merged = times.measure(Stage::Merge, || {
@@ -227,6 +242,8 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     statistics.merge(&merged.statistics);
     let set_aside = set_aside::tally(&aside);
     let points_aside = set_aside.values().sum();
+    let dropped = set_aside.iter().filter(|(reason, _)| reason.mode(options) == Mode::Drop);
+    let points_dropped = dropped.map(|(_, points)| points).sum();
     let completed = times.measure(Stage::Publish, || {
         for input in &survey.inputs {
             input.las.check_unchanged()?;
@@ -241,6 +258,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         points_in: survey.points,
         points_out: merged.points,
         points_set_aside: points_aside,
+        points_dropped,
         points_missing: survey.missing,
         set_aside,
         files_aside,
@@ -250,15 +268,17 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         output_bytes: completed.bytes,
         scratch_bytes: scratch.as_ref().map_or(Ok(0), |scratch| scratch.bytes())?,
         exact: survey.lattice.is_exact(),
-        max_error_units: if survey.lattice.is_exact() { 0.0 } else { 0.5 },
+        max_error_units: survey.lattice.error_in_units(),
+        max_error: std::array::from_fn(|axis| survey.lattice.error(axis)),
         units_resumed,
         seconds_by_stage: times.seconds,
         peak_bytes_by_stage: times.peaks,
         lod_color: LodColor::of(&survey.unified.schema),
         unused_attributes: survey.unified.unused.clone(),
-        notes: survey.notes.clone(),
+        repairs: survey.repairs.clone(),
+        notes: [survey.notes.as_slice(), &survey.lattice.notes()].concat(),
     };
-    report::write(&survey, &outcome, options, &staging.folder, disk)?;
+    report::write(&survey, &outcome, request, &staging.folder, disk)?;
     if let Some(scratch) = &scratch {
         let (inode, outcome) = (staging.inode()?, serde_json::to_string(&outcome).unwrap_or_default());
         scratch.receipt(&Receipt::Finished { inode, outcome })?;
@@ -314,7 +334,7 @@ impl Times {
         let result = work();
         let seconds = start.elapsed().as_secs_f64();
         tracing::debug!(stage = stage.name(), seconds, "stage done");
-        self.seconds.insert(stage, seconds);
+        *self.seconds.entry(stage).or_default() += seconds;
         self.peaks.extend(machine::peak_memory().map(|peak| (stage, peak)));
         result
     }

@@ -1,9 +1,13 @@
 //! What the engine asks of a conversion. A trait, so that the queue can be tried
 //! with conversions that are slow, fail, panic or never end.
 
+use std::collections::HashMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::conduct::{self, Request};
+use super::conduct::{self, Outcome, Request};
+use super::report::REPORT;
+use crate::job::Input;
 use crate::render;
 use crate::stage::context::Context;
 use crate::stage::options::Options;
@@ -13,9 +17,19 @@ use crate::stage::preview::{self, Preview};
 #[derive(Debug, Clone)]
 pub struct Work {
     pub inputs: Vec<PathBuf>,
+    /// BLAKE3 of their content, where it is known.
+    pub hashes: HashMap<PathBuf, String>,
     /// The folder that the octree is to become.
     pub output: PathBuf,
     pub options: Options,
+}
+
+impl Work {
+    pub(super) fn new(inputs: Vec<Input>, output: PathBuf, options: Options) -> Work {
+        let known = inputs.iter().filter(|input| !input.hash.is_empty());
+        let hashes = known.map(|input| (input.path.clone(), input.hash.clone())).collect();
+        Work { inputs: inputs.into_iter().map(|input| input.path).collect(), hashes, output, options }
+    }
 }
 
 /// What came of it.
@@ -71,6 +85,7 @@ impl Converter for Conduct {
             // Until the queue knows that the octree is there.
             keep_scratch: true,
             options: work.options.clone(),
+            hashes: work.hashes.clone(),
         };
         let outcome = conduct::convert(&request, context).map_err(|error| Failure {
             may_pass: error.retry_can_help(),
@@ -83,7 +98,21 @@ impl Converter for Conduct {
             set_aside: outcome.set_aside.iter().map(|(reason, points)| (reason.name(), *points)).collect(),
             output_bytes: outcome.output_bytes,
             seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (stage.name(), *s)).collect(),
-            json: serde_json::to_value(&outcome).unwrap_or_default(),
+            json: told(&work.output, &outcome),
         })
+    }
+}
+
+/// What the report beside the octree says, but for the inputs: of these the job
+/// has its own list, and there may be thousands. Where it cannot be read any more,
+/// the outcome is most of it.
+fn told(octree: &Path, outcome: &Outcome) -> serde_json::Value {
+    let report = fs::read(octree.join(REPORT)).ok();
+    match report.and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
+        Some(serde_json::Value::Object(mut report)) => {
+            report.remove("inputs");
+            report.into()
+        }
+        _ => serde_json::to_value(outcome).unwrap_or_default(),
     }
 }

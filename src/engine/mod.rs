@@ -30,7 +30,7 @@ use crate::clock::{Clock, Millis};
 use crate::config::Config;
 use crate::disk::Disk;
 use crate::job::verdict::End;
-use crate::job::{Job, JobId, Wish};
+use crate::job::{Input, Job, JobId, Wish};
 use crate::metrics::Metrics;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::Options;
@@ -308,11 +308,11 @@ impl Engine {
             return Ok(false);
         }
         let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
-        self.start(job, lane, inputs.into_iter().map(|input| input.path).collect(), now);
+        self.start(job, lane, inputs, now);
         Ok(true)
     }
 
-    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<std::path::PathBuf>, now: Millis) {
+    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, now: Millis) {
         let config = &self.tools.config;
         tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
         let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
@@ -327,7 +327,7 @@ impl Engine {
         let mut options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
         // The staging folder's name is nothing to go by.
         options.name.get_or_insert_with(|| job.name.clone());
-        let work = Work { inputs, output: publish::staging(config, job.id), options };
+        let work = Work::new(inputs, publish::staging(config, job.id), options);
         self.tools.metrics.attempts.inc();
         self.tools.board.hang_up(job.id, progress, now);
         let id = job.id;

@@ -9,11 +9,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::conduct::Outcome;
+use super::conduct::{Outcome, Request};
 use crate::cloud::lattice::Lattice;
+use crate::cloud::outliers;
 use crate::disk::Disk;
+use crate::lod::tree::LEAF_LIMIT;
 use crate::stage::error::StageError;
-use crate::stage::options::Options;
+use crate::stage::options::{Mode, Options};
+use crate::stage::set_aside::Reason;
 use crate::stage::survey::Survey;
 
 /// The file's name in an octree's folder.
@@ -32,6 +35,7 @@ struct Report<'a> {
     attributes: Vec<&'a str>,
     /// Attributes that were left out on request.
     left_out: &'a [String],
+    guards: Vec<Guard>,
     #[serde(flatten)]
     outcome: &'a Outcome,
 }
@@ -43,6 +47,9 @@ struct Input<'a> {
     bytes: u64,
     /// Seconds since 1970.
     modified: &'a str,
+    /// Of its content, where that was read for it: the daemon does, before a job.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    blake3: Option<&'a str>,
     points: u64,
     version: String,
     point_format: u8,
@@ -50,11 +57,38 @@ struct Input<'a> {
     software: &'a str,
 }
 
+/// One of those that look after points that no octree is the better for, whether
+/// it found some or not.
+#[derive(Serialize)]
+struct Guard {
+    name: &'static str,
+    mode: Mode,
+    /// What it looked for.
+    threshold: String,
+    points: u64,
+}
+
+impl Guard {
+    fn new(reason: Reason, outcome: &Outcome, options: &Options) -> Guard {
+        let threshold = match reason {
+            Reason::Outlier => format!(
+                "at most {} points, without which the longest side of the box is {} times shorter",
+                outliers::most(outcome.points_in),
+                outliers::SHRINK
+            ),
+            Reason::Duplicate => format!("beyond the first {LEAF_LIMIT} points at one position"),
+            Reason::Twin => "beyond the first record of which all attributes are equal".to_string(),
+        };
+        let points = outcome.set_aside.get(&reason).copied().unwrap_or(0);
+        Guard { name: reason.name(), mode: reason.mode(options), threshold, points }
+    }
+}
+
 /// Writes the report into the octree's folder.
 pub fn write(
     survey: &Survey,
     outcome: &Outcome,
-    options: &Options,
+    request: &Request,
     folder: &Path,
     disk: &Disk,
 ) -> Result<(), StageError> {
@@ -65,6 +99,7 @@ pub fn write(
             name: input.las.path().file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
             bytes: header.file_bytes,
             modified: stamp.split_once(' ').map_or("", |(_, modified)| modified),
+            blake3: request.hashes.get(input.las.path()).map(String::as_str),
             points: header.points,
             version: format!("{}.{}", header.version.0, header.version.1),
             point_format: header.point_format,
@@ -74,7 +109,7 @@ pub fn write(
     });
     let report = Report {
         lodestone: env!("CARGO_PKG_VERSION"),
-        options,
+        options: &request.options,
         inputs: inputs.collect(),
         lattice: &survey.lattice,
         cube: survey.cube.side(),
@@ -82,6 +117,7 @@ pub fn write(
         projection: &survey.projection,
         attributes: survey.unified.schema.attributes.iter().map(|a| a.name.as_str()).collect(),
         left_out: &survey.unified.left_out,
+        guards: Reason::ALL.into_iter().map(|reason| Guard::new(reason, outcome, &request.options)).collect(),
         outcome,
     };
     let json = serde_json::to_vec_pretty(&report)

@@ -32,6 +32,8 @@ pub struct Findings {
     pub census: Census,
     /// The part of the cloud that goes into the octree.
     pub region: Region,
+    /// Where headers were not believed.
+    pub repairs: Vec<String>,
     pub notes: Vec<String>,
 }
 
@@ -96,6 +98,32 @@ impl Found {
         let said = header.returns.iter().zip(&self.returns[1..]);
         header.missing == 0 && said.into_iter().any(|(said, counted)| said != counted)
     }
+
+    /// Whether the header's box is another than the points' own. Points that are
+    /// missing may have reached farther, and those that are there may not.
+    fn belies_box(&self, file: &LasFile) -> bool {
+        let (said, there) = (hinted_grid(file), &self.grid);
+        match file.header().missing {
+            0 => said != *there,
+            _ => (0..3).any(|a| there.min[a] < said.min[a] || there.max[a] > said.max[a]),
+        }
+    }
+}
+
+/// Files of which the same is to be told, each by its name up to here.
+const MOST_NAMED: usize = 5;
+
+/// Says of each file what is not so in it; of many, how many more there are.
+fn tell<'f>(lying: impl Iterator<Item = &'f LasFile>, what: &str, repairs: &mut Vec<String>) {
+    let lying: Vec<&LasFile> = lying.collect();
+    let named = lying.iter().take(MOST_NAMED);
+    repairs.extend(
+        named.map(|file| format!("{}: the header's {what} not the points' own", file.path().display())),
+    );
+    if let Some(more @ 1..) = lying.len().checked_sub(MOST_NAMED) {
+        let files = if more == 1 { "file" } else { "files" };
+        repairs.push(format!("and {more} more {files} of which the header's {what} not the points' own"));
+    }
 }
 
 /// A file of which nothing is left has no bounds; those of a point that is left
@@ -142,31 +170,27 @@ impl Counter<'_> {
             check_room(&self.context.disk, &scratch.folder, self.missing_in(scratch)?)?;
         }
         let hints: Vec<SourceGrid> = self.files.iter().map(hinted_grid).collect();
-        let (mut found, mut counting, fitted) = self.fit(&hints, points)?;
-        let mut notes = Vec::new();
-        if !fitted {
-            let lying = hints.iter().zip(&found).zip(self.files).filter(|((h, f), _)| **h != f.grid);
-            notes.extend(lying.take(5).map(|(_, f)| {
-                format!("{}: the header's bounding box is not the points' own", f.path().display())
-            }));
-        }
-        let lying = found.iter().zip(self.files).filter(|(found, file)| found.belies_returns(file));
-        notes.extend(lying.take(5).map(|(_, f)| {
-            format!("{}: the header's counts by return are not the points' own", f.path().display())
-        }));
+        let (mut found, mut counting) = self.fit(&hints, points)?;
+        let mut repairs = Vec::new();
+        let lying = |belies: fn(&Found, &LasFile) -> bool| {
+            let all = found.iter().zip(self.files);
+            all.filter(move |(found, file)| belies(found, file)).map(|(_, file)| file)
+        };
+        tell(lying(Found::belies_box), "bounding box is", &mut repairs);
+        tell(lying(Found::belies_returns), "counts by return are", &mut repairs);
         while self.guard != Mode::Keep
             && let Some(kept) = self.region.next(&counting.census, points)
         {
             let hints = self.region.restrict(counting.base, &counting.census, kept, self.files);
-            (found, counting, _) = self.fit(&hints, points)?;
+            (found, counting) = self.fit(&hints, points)?;
         }
-        notes.extend(self.region.note(points));
+        let notes = self.region.note(points).into_iter().collect();
         let limit = plan::chunk_limit(points);
         while counting.census.refine(limit) {
             self.count_again(&counting)?;
         }
         let Counting { base, census } = counting;
-        let findings = Findings { found, census, region: self.region, notes };
+        let findings = Findings { found, census, region: self.region, repairs, notes };
         match self.scratch {
             Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
             None => Ok((findings, base)),
@@ -174,18 +198,18 @@ impl Counter<'_> {
     }
 
     /// Counts on a grid fitted to the points' true bounds, going by hints at
-    /// first; tells whether these were right.
-    fn fit(&mut self, hints: &[SourceGrid], points: u64) -> Result<(Vec<Found>, Counting, bool)> {
+    /// first.
+    fn fit(&mut self, hints: &[SourceGrid], points: u64) -> Result<(Vec<Found>, Counting)> {
         let hinted = Counting::new(hints, points);
         let mut found = self.first_pass(&hinted)?;
         fill_in(&mut found);
         let grids: Vec<SourceGrid> = found.iter().map(|f| f.grid).collect();
         let counting = Counting::new(&grids, points);
         if counting.base.lattice == hinted.base.lattice && counting.base.cube == hinted.base.cube {
-            return Ok((found, hinted, true));
+            return Ok((found, hinted));
         }
         self.count_again(&counting)?;
-        Ok((found, counting, false))
+        Ok((found, counting))
     }
 
     /// Bytes that the runs will need on disk beyond what they have.

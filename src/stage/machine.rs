@@ -22,6 +22,13 @@ pub fn memory() -> u64 {
     cgroup_limit().map_or(machine, |limit| limit.min(machine))
 }
 
+/// Has [`peak_memory`] begin anew at what is resident now. Linux alone knows how
+/// (proc(5), clear_refs); elsewhere, or where that is forbidden, it stays what it
+/// was.
+pub fn forget_peak_memory() {
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
 /// The most memory that this process has had resident at once, in bytes.
 pub fn peak_memory() -> Option<u64> {
     peak_memory_of("self")

@@ -10,13 +10,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::context::Context;
+use super::context::{Context, Stage};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::survey::{Input, Survey};
 use crate::cloud::attribute::{ExtraField, Scalar};
-use crate::format::las::{LasOptions, LasWriter};
+use crate::format::las::{LasFile, LasOptions, LasWriter};
 
 /// The file's name; where inputs differ in their layout, each layout gets one,
 /// the second `set-aside-2.laz`.
@@ -44,7 +44,9 @@ impl Reason {
         }
     }
 
-    fn mode(self, options: &Options) -> Mode {
+    pub const ALL: [Reason; 3] = [Reason::Outlier, Reason::Duplicate, Reason::Twin];
+
+    pub fn mode(self, options: &Options) -> Mode {
         match self {
             Reason::Outlier => options.outliers,
             Reason::Duplicate => options.duplicates,
@@ -109,7 +111,7 @@ pub fn tally(ranges: &[Range]) -> BTreeMap<Reason, u64> {
 }
 
 /// Writes what is to be set aside into the octree's folder; gives the names of
-/// the files.
+/// the files. Those are read back: what they say they hold is what was set aside.
 pub fn write(
     survey: &Survey,
     runs: &Runs,
@@ -127,7 +129,12 @@ pub fn write(
             layouts.push(input);
         }
     }
-    let mut names = Vec::new();
+    let points = written.iter().map(|range| u64::from(range.points)).sum();
+    if points > 0 {
+        // It may take as long as what came before.
+        context.progress.begin(Stage::Index, points);
+    }
+    let (mut names, mut there) = (Vec::new(), 0);
     for (layout, number) in layouts.into_iter().zip(1..) {
         let extension = if is_compressible(layout.source.format) { "laz" } else { "las" };
         let name = match number {
@@ -141,9 +148,21 @@ pub fn write(
         }
         writer.finish()?;
         context.disk.sync_file(&path)?;
+        there += LasFile::open(&path)?.header().points;
         names.push(name);
     }
+    check_sum(points, there)?;
     Ok(names)
+}
+
+/// What is not in the octree is in the files beside it.
+fn check_sum(points: u64, there: u64) -> Result<()> {
+    match there == points {
+        true => Ok(()),
+        false => Err(StageError::Inconsistent(format!(
+            "of {points} points that were set aside, {there} are in the files for them"
+        ))),
+    }
 }
 
 fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &Range) -> &'s Input {
@@ -222,6 +241,7 @@ fn append(
         }
         writer.write(&records)?;
         done += points as u32;
+        context.progress.advance(points as u64);
     }
     Ok(())
 }
@@ -257,5 +277,14 @@ mod tests {
             assert_eq!((kept, rest), (keep, 8 - keep));
         }
         assert_eq!(behind(&PARTS, 2, Reason::Duplicate).1[0], range(0, 7, 1));
+    }
+
+    #[test]
+    fn files_that_hold_more_or_less_than_was_set_aside_are_not_published() {
+        assert!(check_sum(7, 7).is_ok());
+        for there in [0, 6, 8] {
+            let error = check_sum(7, there).expect_err("another sum").to_string();
+            assert!(error.contains(&format!("7 points that were set aside, {there} are")), "{error}");
+        }
     }
 }

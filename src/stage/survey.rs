@@ -68,7 +68,9 @@ pub struct Opened {
     missing: u64,
     /// Whether all records fit the memory.
     pub in_core: bool,
-    /// What the files were found to say that is not so, or odd.
+    /// What the files were found to say that is not so; the points decided.
+    pub repairs: Vec<String>,
+    /// What else is odd about them.
     pub notes: Vec<String>,
 }
 
@@ -89,7 +91,9 @@ pub struct Survey {
     pub projection: String,
     /// Whether all records are in memory.
     pub in_core: bool,
-    /// What the files were found to say that is not so, or odd.
+    /// What the files were found to say that is not so; the points decided.
+    pub repairs: Vec<String>,
+    /// What else is odd about them.
     pub notes: Vec<String>,
 }
 
@@ -105,7 +109,7 @@ pub fn chunk_memory(points: u64, raw: u64, record: u64, lod_color: LodColor) -> 
 
 /// Opens the inputs, each a file.
 pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
-    let Files { files, missing, notes } = open_all(paths, options.damaged, context)?;
+    let Files { files, missing, repairs, notes } = open_all(paths, options.damaged, context)?;
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
@@ -113,7 +117,7 @@ pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<O
     }
     let units = cut_into_units(&files, points);
     let in_core = fits_in_core(&files, &units, points, options, context);
-    Ok(Opened { files, units, points, missing, in_core, notes })
+    Ok(Opened { files, units, points, missing, in_core, repairs, notes })
 }
 
 impl Opened {
@@ -145,7 +149,7 @@ pub fn survey(
     scratch: Option<&Scratch>,
     context: &Context,
 ) -> Result<Survey> {
-    let Opened { files, units, points, missing, in_core, mut notes } = opened;
+    let Opened { files, units, points, missing, in_core, mut repairs, mut notes } = opened;
     let sources: Vec<Source> = files
         .iter()
         .map(|f| Source {
@@ -163,9 +167,10 @@ pub fn survey(
         guard: options.outliers,
         region: Region::default(),
     };
-    let (Findings { found, census, region, notes: more }, base) =
-        counter.findings(points).map_err(|error| damage::explain(error, context))?;
-    notes.extend(more);
+    let (findings, base) = counter.findings(points).map_err(|error| damage::explain(error, context))?;
+    let Findings { found, census, region, repairs: more, notes: odd } = findings;
+    repairs.extend(more);
+    notes.extend(odd);
     let limit = plan::chunk_limit(points);
 
     let ored: Vec<(Source, Vec<u8>)> =
@@ -197,6 +202,7 @@ pub fn survey(
         plan,
         projection,
         in_core,
+        repairs,
         notes,
     })
 }
@@ -205,6 +211,7 @@ pub fn survey(
 struct Files {
     files: Vec<LasFile>,
     missing: u64,
+    repairs: Vec<String>,
     notes: Vec<String>,
 }
 
@@ -226,19 +233,19 @@ fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Fi
     if damaged == Damaged::Keep {
         opened = damage::leave_out(opened, context)?;
     }
-    let mut notes = Vec::new();
+    let (mut repairs, mut notes) = (Vec::new(), Vec::new());
     let mut files = Vec::new();
     let missing = opened.iter().map(|file| file.header().missing).sum();
     for file in opened {
         let name = file.path().display();
-        notes.extend(file.header().notes.iter().map(|n| format!("{name}: {n}")));
+        repairs.extend(file.header().notes.iter().map(|n| format!("{name}: {n}")));
         if file.header().points > 0 {
             files.push(file);
         } else {
             notes.push(format!("{name}: holds no points"));
         }
     }
-    Ok(Files { files, missing, notes })
+    Ok(Files { files, missing, repairs, notes })
 }
 
 /// Slices of a cloud, but for the longest of records, and a cloud of many files.

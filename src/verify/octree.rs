@@ -29,6 +29,8 @@ pub struct Octree {
     pub bytes: u64,
     /// LAS files beside it with the points that were kept out of it.
     pub set_aside: Vec<PathBuf>,
+    /// Points that were left out on request, as the report beside it says.
+    pub dropped: u64,
     /// Inputs that were opened beforehand for what can be read of them.
     pub readable: HashMap<PathBuf, Arc<LasFile>>,
     file: File,
@@ -48,6 +50,14 @@ fn set_aside(folder: &Path) -> Vec<PathBuf> {
         .collect();
     files.sort();
     files
+}
+
+/// Points that the conversion's report says were dropped, as was asked for. Octrees
+/// of other programs have no such report.
+fn dropped(folder: &Path) -> u64 {
+    let report = fs::read(folder.join("report.json")).ok();
+    let report: Option<serde_json::Value> = report.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    report.and_then(|report| report["points_dropped"].as_u64()).unwrap_or(0)
 }
 
 /// How far an octree could be opened.
@@ -81,10 +91,10 @@ impl Octree {
             potree::hierarchy::inspect_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
         let file = File::open(folder.join(potree::OCTREE)).map_err(read(potree::OCTREE))?;
         let bytes = file.metadata().map_err(read(potree::OCTREE))?.len();
-        let set_aside = set_aside(folder);
+        let (set_aside, dropped) = (set_aside(folder), dropped(folder));
         let (metadata, readable) = (metadata.clone(), HashMap::new());
         let colours = Colours::of(&metadata, &schema);
-        Ok(Octree { metadata, schema, colours, nodes, oddities, bytes, set_aside, readable, file })
+        Ok(Octree { metadata, schema, colours, nodes, oddities, bytes, set_aside, dropped, readable, file })
     }
 
     /// Whether a node's bytes lie in octree.bin and can be as many points.

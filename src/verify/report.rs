@@ -59,6 +59,8 @@ pub struct Comparison {
     pub points: u64,
     /// Points that lie beside the octree.
     pub set_aside: u64,
+    /// Points that the octree's report says were dropped on request.
+    pub dropped: u64,
     /// Points of the files that the octree lacks, and points of the octree that
     /// the files lack; each counted as often as it is there too much.
     pub missing: u64,
@@ -150,6 +152,11 @@ impl Findings {
 }
 
 impl Report {
+    /// Points that are missing because that was asked for.
+    pub fn dropped(&self) -> u64 {
+        self.against.as_ref().map_or(0, |against| against.dropped.min(against.missing))
+    }
+
     /// Takes stock: nothing wrong anywhere?
     pub fn judge(&mut self) {
         let compared = self.against.iter().flat_map(|against| &against.checks);
@@ -179,7 +186,12 @@ impl fmt::Display for Report {
             writeln!(f, "Against {files} {} with {points} points", plural(against.files, "file", "files"))?;
             write_checks(f, &against.checks)?;
         }
-        let verdict = if self.ok { "Nothing is wrong" } else { "This octree is WRONG" };
+        let dropped = self.dropped();
+        let verdict = match (self.ok, dropped) {
+            (false, _) => "This octree is WRONG".to_string(),
+            (true, 0) => "Nothing is wrong".to_string(),
+            (true, _) => format!("Nothing is wrong, but {} points were dropped on request", grouped(dropped)),
+        };
         write!(f, "{verdict} ({:.1} s).", self.seconds)
     }
 }

@@ -90,6 +90,7 @@ pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> Request 
         overwrite: false,
         keep_scratch: false,
         options: options.clone(),
+        hashes: Default::default(),
     }
 }
 

@@ -46,8 +46,9 @@ impl Claims {
     }
 
     pub fn note_disagreement(self, notes: &mut Vec<String>) {
+        // Only that of old may be left at 0: points beyond its 32 bits, and the
+        // formats from 6 on, have no place there.
         if let Some(large) = self.large
-            && large > 0
             && self.legacy > 0
             && large != self.legacy
         {
@@ -108,6 +109,7 @@ mod tests {
         assert_eq!(judge(90, Some(100), 100, 0), (Ok(100), 1));
         assert_eq!(judge(100, Some(90), 100, 3), (Ok(100), 1));
         assert_eq!(judge(100, Some(1 << 40), 100, 0), (Ok(100), 1));
+        assert_eq!(judge(100, Some(0), 100, 0), (Ok(100), 1));
     }
 
     #[test]
@@ -116,6 +118,6 @@ mod tests {
         assert_eq!(judge(0, None, 100, 0), (Ok(100), 1));
         assert_eq!(judge(90, None, 100, 5), (Ok(90), 1));
         assert_eq!(judge(101, None, 100, 5), (Err(TooMany { said: 101 }), 0));
-        assert_eq!(judge(1, Some(0), 0, 5), (Err(TooMany { said: 1 }), 0));
+        assert_eq!(judge(1, Some(0), 0, 5), (Err(TooMany { said: 1 }), 1));
     }
 }

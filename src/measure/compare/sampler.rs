@@ -58,7 +58,8 @@ fn first_points(files: &[PathBuf]) -> Result<(Cube, Vec<Item>)> {
         all.reduce(|a, b| std::array::from_fn(|axis| of(a[axis], b[axis]))).unwrap_or_default()
     };
     let (min, max) = (bound(i32::min), bound(i32::max));
-    let cube = Cube::around(&Lattice { scale, offset: [0.0; 3], exact: [true; 3], min, max });
+    let (offset, exact, finest, too_wide) = ([0.0; 3], [true; 3], scale, [false; 3]);
+    let cube = Cube::around(&Lattice { scale, offset, exact, finest, too_wide, min, max });
     let items = positions.iter().zip(0..).map(|(at, index)| Item { at: cube.tree(*at), index });
     Ok((cube, items.collect()))
 }
