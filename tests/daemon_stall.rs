@@ -156,6 +156,39 @@ async fn a_run_that_does_not_stop_is_given_up_and_its_late_result_thrown_away() 
 }
 
 #[tokio::test]
+async fn new_content_waits_for_the_run_of_the_old_to_end_and_not_for_ever() {
+    for (stall, long, longer) in [("stall_minutes = 1", 50, 30), ("stall_minutes = 0", 1700, 200)] {
+        let mut house = House::new(&format!("disk_reserve = 0\nlight_jobs = 2\n{stall}")).await;
+        let run = |house: &House| house.converter.runs.load(Ordering::SeqCst);
+        house.hang("a");
+        house.converter.deaf.store(true, Ordering::SeqCst);
+        let old = house.drop_file("a", "x").await.job();
+        house.started(old, 1).await;
+        let new = house.drop_file("a", "y").await.job();
+        let held = house.turn_until_so(new, "held", |job| job.hold.is_some()).await;
+        assert!(held.hold.as_ref().is_some_and(|hold| hold.contains("other content")), "{held:?}");
+        // There is a place: others run.
+        let other = house.drop_file("b", "z").await.job();
+        house.turn_until(other, State::Done).await;
+        assert_eq!((house.job(new).await.state, run(&house)), (State::Queued, 2));
+
+        house.converter.deaf.store(false, Ordering::SeqCst);
+        house.turn_until(old, State::Cancelled).await;
+        house.started(new, 3).await;
+        // The next one finds a run that does not hear.
+        house.converter.deaf.store(true, Ordering::SeqCst);
+        let newest = house.drop_file("a", "w").await.job();
+        house.live(long).await;
+        assert_eq!((house.job(newest).await.state, run(&house)), (State::Queued, 3));
+        house.live(longer).await;
+        house.started(newest, 4).await;
+        house.converter.release.store(true, Ordering::SeqCst);
+        house.turn_until(newest, State::Done).await;
+        house.turn_until(new, State::Cancelled).await;
+    }
+}
+
+#[tokio::test]
 async fn without_a_limit_nothing_is_stopped() {
     let mut house = House::with_limit("stall_minutes = 0").await;
     house.hang("a");

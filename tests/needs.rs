@@ -1,4 +1,5 @@
-//! `docs/needs.md` names a test for each pain; here it is seen that they exist.
+//! `docs/needs.md` names a test for each pain; here it is seen that they exist, and
+//! that no pain is forgotten.
 
 use std::fs;
 use std::path::Path;
@@ -34,4 +35,41 @@ fn every_test_that_is_named_for_a_pain_exists() {
             assert!(code.contains(&format!("fn {name}(")), "there is no test {name}");
         }
     }
+}
+
+/// What is worth comparing of a text: words and numbers, without their endings.
+fn words(text: &str) -> Vec<String> {
+    text.to_lowercase()
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter(|word| word.len() >= 3 || word.parse::<u32>().is_ok())
+        .map(|word| word.chars().take(5).collect())
+        .collect()
+}
+
+/// The list of pains lies beside the real clouds. Its sections are lines; a pain has
+/// its row where one of the section with its name shares half of its words.
+#[test]
+fn every_pain_of_the_list_has_its_row() {
+    let list = std::env::var("LODESTONE_DATA").map(|data| Path::new(&data).join("../NEEDS.md"));
+    let Some(list) = list.ok().and_then(|path| fs::read_to_string(path).ok()) else {
+        eprintln!("no list of pains beside LODESTONE_DATA: not run");
+        return;
+    };
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/needs.md")).unwrap();
+    let mut pains = 0;
+    for section in ["Geometry", "Files", "Output", "Machine", "Watcher", "Queue"] {
+        let front = format!("**{section}**: ");
+        let line = list.lines().find_map(|line| line.strip_prefix(&front)).expect("a line");
+        let rows = page.split(&format!("## {section}\n")).nth(1).expect("a section");
+        let rows: Vec<String> =
+            rows.split("\n## ").next().unwrap_or_default().lines().map(str::to_lowercase).collect();
+        for pain in line.split(" · ").flat_map(|part| part.split("; ")) {
+            let words = words(pain);
+            let has = |row: &String| words.iter().filter(|word| row.contains(word.as_str())).count();
+            let best = rows.iter().map(has).max().unwrap_or(0);
+            assert!(best > 0 && 2 * best >= words.len(), "{section} has no row for: {pain}");
+            pains += 1;
+        }
+    }
+    assert!(pains > 50, "only {pains} pains");
 }

@@ -307,12 +307,14 @@ fn names_in_any_alphabet_with_spaces_very_long_in_capitals_and_behind_links() {
     let converts = |input: &Path, output: &Path| {
         held_with(input, output, &Options::default(), IN_CORE).outcome.points_out
     };
-    let good = folder.path().join("good.las");
-    write_points(&good, [0.01; 3], [0.0; 3], &field(1000, [0; 3], 9000));
+    let [good, packed] = ["good.las", "good.laz"].map(|name| folder.path().join(name));
+    for path in [&good, &packed] {
+        write_points(path, [0.01; 3], [0.0; 3], &field(1000, [0; 3], 9000));
+    }
     let deep: PathBuf = (0..12).map(|_| "a folder with a name that is long ".repeat(6)).collect();
-    let names =
-        ["a b  c.las", "Ünïcødé 点群 мир.las", "🛰.LAS", "CLOUD.Las", "-o.las", "@list.las", "'\"$(x).las"];
-    let mut places: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+    let names = ["a b  c.las", "Ünïcødé 点群 мир.las", "🛰.LAS", "CLOUD.Las", "CLOUD.LAZ", "é.Laz"];
+    let odd = ["-o.las", "@list.las", "'\"$(x).las"];
+    let mut places: Vec<PathBuf> = names.iter().chain(&odd).map(PathBuf::from).collect();
     places.push(deep.join("cloud.las"));
     places.push(PathBuf::from(format!("{}.las", "n".repeat(251))));
     for (number, place) in places.iter().enumerate() {
@@ -320,7 +322,8 @@ fn names_in_any_alphabet_with_spaces_very_long_in_capitals_and_behind_links() {
         let set = folder.path().join(number.to_string());
         let input = set.join(place);
         fs::create_dir_all(input.parent().unwrap()).unwrap();
-        fs::copy(&good, &input).unwrap();
+        let is_packed = place.extension().is_some_and(|end| end.eq_ignore_ascii_case("laz"));
+        fs::copy(if is_packed { &packed } else { &good }, &input).unwrap();
         for named in [&set, &input] {
             // A name that begins with @ is a list, but for a folder's content.
             if named == &input && place.starts_with("@list.las") {

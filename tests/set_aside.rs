@@ -208,6 +208,44 @@ fn exact_twins_are_set_aside_on_request_and_near_twins_never() {
 }
 
 #[test]
+fn of_a_crowd_twins_go_first_and_of_the_others_a_leafs_worth_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let length = record_length(1).unwrap();
+    let options = Options { twins: Mode::SetAside, ..Options::default() };
+    // Less than a chunk may hold, and more. Five that come again and again stand
+    // before those that differ, by their times.
+    for (copies, others) in [(20_000, 15_000), (230_000, 40_000), (250_000, 500)] {
+        let mut records = surface(1, 100_000, 1);
+        for i in 0..copies + others {
+            let mut record = [0; 28];
+            for (axis, c) in [15_000, 15_000, 70_000i32].into_iter().enumerate() {
+                record[4 * axis..4 * axis + 4].copy_from_slice(&c.to_le_bytes());
+            }
+            let time = if i < copies { i % 5 } else { i };
+            record[20..].copy_from_slice(&f64::from(time).to_le_bytes());
+            assert_eq!(record.len(), length);
+            records.extend_from_slice(&record);
+        }
+        write_las(&at("crowd.las"), &options_of(1, false), &records);
+        let twins = copies as u64 - 5;
+        let duplicates = (others as u64 + 5).saturating_sub(LEAF_LIMIT as u64);
+        let mut first = None;
+        for memory in [IN_CORE, OUT_OF_CORE] {
+            let outcome = convert(&at("crowd.las"), &at("octree"), &options, memory);
+            let aside = |reason| outcome.set_aside.get(&reason).copied().unwrap_or(0);
+            assert_eq!((aside(Reason::Twin), aside(Reason::Duplicate)), (twins, duplicates));
+            let reasons = reasons(&at("octree/set-aside.laz"));
+            assert_eq!(reasons.iter().filter(|reason| **reason == 3).count() as u64, twins);
+            verified(&at("octree"), &at("crowd.las"), twins + duplicates);
+            assert!(depth(&at("octree")) < 12, "no chain of levels: {}", depth(&at("octree")));
+            let bytes = (octree_bytes(&at("octree")), fs::read(at("octree/set-aside.laz")).unwrap());
+            assert!(first.get_or_insert_with(|| bytes.clone()) == &bytes);
+        }
+    }
+}
+
+#[test]
 fn a_report_lies_beside_every_octree_and_tells_no_path() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("hill.las");

@@ -124,6 +124,8 @@ fn options(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> La
     let named_laz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     LasOptions {
         version: match arguments.format {
+            // More than the 32 bits of older versions count. Every format may stand in 1.4.
+            _ if tile.points.end - tile.points.start > u64::from(u32::MAX) => (1, 4),
             0..=3 => (1, 2),
             4 | 5 => (1, 3),
             _ => (1, 4),
@@ -162,6 +164,30 @@ const UTM_32: &str = r#"PROJCS["ETRS89 / UTM zone 32N",GEOGCS["ETRS89",DATUM["Eu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::Parser;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    #[test]
+    fn a_file_is_of_a_version_that_counts_its_points() {
+        let version = |scene: &str, points: &str, format: &str| {
+            let line = ["synth", scene, "-o", "x", "--points", points, "--format", format];
+            let arguments = Line::parse_from(line).arguments;
+            let recipe = Recipe::new(arguments.scene, arguments.points, 1);
+            let scene = Scene::new(recipe).unwrap();
+            options(&arguments, &scene, &scene.tiles()[0], &arguments.output).version
+        };
+        assert_eq!(version("terrain", "4294967295", "3"), (1, 2));
+        for format in ["0", "3", "5", "10"] {
+            assert_eq!(version("terrain", "4294967296", format), (1, 4));
+        }
+        // What counts is the tile.
+        assert_eq!(version("strips", "5G", "4"), (1, 3));
+    }
 
     #[test]
     fn counts_are_read_as_people_write_them() {

@@ -7,11 +7,23 @@
 //! farther from it than its own length. What is still outside is an outlier, if
 //! the box shrinks by a lot for it. Two clusters of any weight are none, nor are
 //! birds above a field.
+//!
+//! "A few" are:
+//!
+//! - One point in ten thousand at most. That is less than a picture of the whole
+//!   shows, while a scanner's echoes from nowhere are mostly rarer still.
+//! - In small clouds that would be none: there it is one in fifty, so that a point
+//!   of twenty is never one, but no more than sixteen, which are strays and no thing.
+//! - In large clouds it would be whole buildings: there it is a leaf's worth. What
+//!   fills a leaf of its own is a part of the cloud, however far from the rest.
 
 use super::census::Grid;
 
 /// The box must become this many times shorter: four levels of the octree.
 pub const SHRINK: u64 = 16;
+
+/// Never more, however large the cloud: as many points as a leaf of the octree holds.
+const LEAF: u64 = 10_000;
 
 /// The part of a cloud that holds all but its outliers, in cells of the census.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,10 +34,10 @@ pub struct Kept {
     pub outliers: u64,
 }
 
-/// Most points of a cloud that can be outliers: one in ten thousand, and in
-/// small clouds one in fifty, up to sixteen.
+/// Most points of a cloud that can be outliers: one in ten thousand, up to a leaf's
+/// worth, and in small clouds one in fifty, up to sixteen.
 pub fn most(points: u64) -> u64 {
-    (points / 10_000).max((points / 50).min(16))
+    (points / 10_000).min(LEAF).max((points / 50).min(16))
 }
 
 /// Finds the outliers of a cloud, at most `most` of them.
@@ -134,12 +146,16 @@ mod tests {
 
     /// A census over everything, as the survey makes it.
     fn found(points: &[[u32; 3]]) -> Option<Kept> {
+        found_of(points, most(points.len() as u64))
+    }
+
+    fn found_of(points: &[[u32; 3]], most: u64) -> Option<Kept> {
         let bound = |f: fn(u32, u32) -> u32, start| {
             points.iter().fold([start; 3], |m, p| std::array::from_fn(|a| f(m[a], p[a])))
         };
         let census = Census::new(31, bound(u32::min, u32::MAX), bound(u32::max, 0), 1 << 20);
         census.count(points.iter().copied());
-        find(&census.grids[0], most(points.len() as u64))
+        find(&census.grids[0], most)
     }
 
     fn cluster(at: u32, points: u32) -> Vec<[u32; 3]> {
@@ -163,6 +179,15 @@ mod tests {
         assert_eq!(found(&points), None);
         let points = [cluster(0, 10_000), cluster(FAR, 10_000)].concat();
         assert_eq!(found(&points), None);
+    }
+
+    #[test]
+    fn what_fills_a_leaf_of_its_own_is_no_outlier_however_large_the_cloud() {
+        let most = most(2_000_000_000);
+        let cloud = |others: Vec<[u32; 3]>| [cluster(FAR, 300_000), others].concat();
+        assert_eq!(found_of(&cloud(cluster(0, 20_000)), most), None);
+        assert_eq!(found_of(&cloud(vec![[0; 3]; 9_000]), most).map(|kept| kept.outliers), Some(9_000));
+        assert_eq!([1_000_000, 1_000, 100, 49].map(super::most), [100, 16, 2, 0]);
     }
 
     #[test]

@@ -68,7 +68,7 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
     signals::listen(stop.clone()).map_err(DaemonError::Start)?;
     let disk = Disk::new();
     let config = Arc::new(house::open(config, &disk)?);
-    let _lock = house::lock(&config)?;
+    let _lock = house::lock(&config).await?;
     let store = Store::open(&config.database()).await?;
     let listener = listen(config.listen).await?;
     let address = listener.local_addr().map_err(DaemonError::Start)?;

@@ -288,9 +288,9 @@ impl Engine {
     /// Starts a job, or says why it does not start yet.
     async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
         let store = self.tools.store.clone();
-        if self.abandoned.contains(&job.id) {
-            if job.hold.as_deref() != Some(stall::HOLD) {
-                store.hold(job.id, Some(stall::HOLD), now).await?;
+        if let Some(reason) = self.waits_for_a_run(&job) {
+            if job.hold.as_deref() != Some(reason) {
+                store.hold(job.id, Some(reason), now).await?;
             }
             return Ok(false);
         }

@@ -2,15 +2,20 @@
 //! standing still counts: a job that moves may run for a month.
 
 use super::ending::wish_end;
-use super::{Engine, Stop};
+use super::{Engine, Running, Stop};
 use crate::clock::Millis;
+use crate::job::Job;
 use crate::job::verdict::End;
 use crate::store::{Ending, Result};
 
 /// Why a job waits whose old run has not ended: two runs would write into the
 /// same folders.
-pub(super) const HOLD: &str =
+const HANGS: &str =
     "an earlier run of it hangs and has not ended; it goes on when that ends, or after a restart";
+/// Why a job waits while the older content of its data set is still converted.
+const STOPPING: &str = "the run of its source's other content has not ended yet; it starts when that has";
+/// How long it waits for that where there is no limit to standing still.
+const LONGEST_STOP: Millis = 30 * 60_000;
 /// How long a stopped run has to end, in milliseconds.
 const GRACE: Millis = 60_000;
 /// What one look may add at most: a machine that slept for the night, or a clock
@@ -52,6 +57,18 @@ impl Pulse {
 }
 
 impl Engine {
+    /// The run that a job waits for, in words. One that was told to stop and does
+    /// not is waited for until it would be given up: the two have folders of their
+    /// own, and the old one's result no longer counts.
+    pub(super) fn waits_for_a_run(&self, job: &Job) -> Option<&'static str> {
+        if self.abandoned.contains(&job.id) {
+            return Some(HANGS);
+        }
+        let limit = self.tools.config.stall.unwrap_or(LONGEST_STOP).max(GRACE);
+        let counts = |run: &Running| run.stop.is_none() || run.pulse.stopping < limit;
+        self.running.values().any(|run| run.job.source == job.source && counts(run)).then_some(STOPPING)
+    }
+
     /// Part of step 3.
     pub(super) async fn give_up_the_dead(&mut self) -> Result<()> {
         let Some(stall) = self.tools.config.stall else { return Ok(()) };

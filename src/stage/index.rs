@@ -5,6 +5,7 @@
 use std::sync::Mutex;
 
 use super::context::{Context, Stage};
+use super::crowd::{self, is_crowd};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::halos::{self, Halos, Kept, Turn};
@@ -138,17 +139,11 @@ fn threads_for_memory(survey: &Survey, options: &Options, context: &Context) -> 
     let largest = survey.plan.chunks.iter().map(in_hand).max().unwrap_or(0);
     let raw = survey.inputs.iter().map(|i| i.source.record_length).max().unwrap_or(0);
     let size = survey.unified.schema.record_size() as u64;
-    let needed = chunk_memory(largest, raw as u64, size, options.lod_color);
+    let needed = chunk_memory(largest, raw as u64, size, options);
     match context.memory_limit / needed {
         0 => Err(StageError::MemoryTooSmall { limit: context.memory_limit, needed }),
         fitting => Ok(context.threads.min(fitting as usize)),
     }
-}
-
-/// Whether a chunk is one position that keeps a leaf's worth of its points. The
-/// rest need not even be read.
-fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
-    options.duplicates != Mode::Keep && u32::from(chunk.node.level) == survey.cube.bits
 }
 
 /// One worker's sampler and buffers.
@@ -181,7 +176,7 @@ impl<'o> Indexer<'o> {
         let mut parts = runs.parts[number].as_slice();
         let (kept, mut aside);
         if is_crowd(survey, self.options, &chunk) {
-            (kept, aside) = set_aside::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate);
+            (kept, aside) = crowd::thin(survey, runs, parts, self.options, &context.cancel)?;
             parts = &kept;
         } else {
             aside = Vec::new();
@@ -194,7 +189,7 @@ impl<'o> Indexer<'o> {
         let statistics = points.unpack(&mut self.items, &mut self.records)?;
         let mut kept_out = Vec::new();
         if self.options.twins != Mode::Keep {
-            let twins = twins::find(points.records());
+            let twins = twins::find(self.items.len(), points.records());
             let mut next = twins.iter().peekable();
             self.items.retain(|item| next.next_if_eq(&&item.index).is_none());
             aside.extend(set_aside::ranges(parts, &twins, Reason::Twin));

@@ -6,6 +6,7 @@
 mod averages;
 pub mod context;
 pub mod counting;
+mod crowd;
 pub mod damage;
 pub mod distribute;
 pub mod error;

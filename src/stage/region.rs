@@ -117,14 +117,37 @@ impl Region {
     pub fn note(&self, points: u64) -> Option<String> {
         let (all, rest) = self.sides?;
         Some(format!(
-            "{} of {points} points lie so far away that the cloud would measure {all:.0} units instead of {rest:.0}: \
+            "{} of {points} points lie so far away that the cloud would measure {} units instead of {}: \
              outliers, for which {:.0} levels of the octree would be built that show nothing",
             self.outliers,
+            told(all),
+            told(rest),
             (all / rest).log2().max(1.0)
         ))
     }
 }
 
+/// A length with the digits that say something: whole units, and of few of them
+/// (degrees, that is) three digits.
+fn told(length: f64) -> String {
+    let decimals = (2.0 - length.log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{length:.decimals$}")
+}
+
 fn cells(grid: &Grid, relative: [u32; 3]) -> [u32; 3] {
     std::array::from_fn(|a| grid.origin[a] + relative[a])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_note_tells_lengths_in_metres_and_in_degrees() {
+        let note =
+            |sides| Region { outliers: 6, sides: Some(sides), ..Region::default() }.note(1000).unwrap();
+        assert!(note((780_123.4, 512.3)).contains("780123 units instead of 512:"));
+        assert!(note((12.3456, 0.00456789)).contains("12.3 units instead of 0.00457:"));
+        assert!(note((1e9, 0.0)).contains("instead of 0.000000000000:"), "no panic at the least");
+    }
 }

@@ -14,10 +14,11 @@ use super::context::Context;
 use super::counting::{Base, Counter, Findings};
 use super::damage;
 use super::error::{Result, StageError};
-use super::options::{Damaged, LodColor, Options};
+use super::options::{Damaged, LodColor, Mode, Options};
 use super::receipt::{self, Identity};
 use super::region::Region;
 use super::scratch::Scratch;
+use super::twins;
 use super::workers;
 use crate::cloud::cube::Cube;
 use crate::cloud::lattice::{Lattice, Requantise};
@@ -99,12 +100,13 @@ pub struct Survey {
 
 /// Memory that indexing a chunk of so many points takes, in bytes: two arrays
 /// of items and the finished records beside the raw ones.
-pub fn chunk_memory(points: u64, raw: u64, record: u64, lod_color: LodColor) -> u64 {
-    let averages = match lod_color {
+pub fn chunk_memory(points: u64, raw: u64, record: u64, options: &Options) -> u64 {
+    let averages = match options.lod_color {
         LodColor::Keep => 0,
         LodColor::Attribute | LodColor::Average => average::MEMORY + points * average::MEMORY_A_CANDIDATE,
     };
-    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages
+    let twins = if options.twins == Mode::Keep { 0 } else { twins::memory(points) };
+    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages + twins
 }
 
 /// Opens the inputs, each a file.
@@ -286,7 +288,7 @@ fn fits_in_core(
     let slice = units.iter().map(|u| u64::from(u.slice.points)).max().unwrap_or(0) * longest;
     let chunk = points.min(plan::chunk_limit(points));
     let record = longest + 8 + options.lod_color.second().map_or(0, |_| 6);
-    let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, record, options.lod_color));
+    let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, record, options));
     let needed = raw + work + plan::census_cells(points) * 16 + (32 << 20);
     needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }

@@ -207,13 +207,24 @@ mod tests {
     }
 
     #[test]
-    fn empty_wkt_gives_way_to_keys_and_empty_keys_to_nothing() {
+    fn empty_wkt_gives_way_to_keys_and_empty_keys_to_wkt_or_nothing() {
         let mut notes = Vec::new();
         let records = [record(2112, vec![0; 4]), record(34735, keys(&[[PROJECTED_CRS, 0, 1, 32633]]))];
         let crs = find(&records, &mut notes).unwrap();
         assert_eq!(crs.text, "+proj=utm +zone=33 +datum=WGS84 +units=m +no_defs");
         assert_eq!(crs.source, CrsSource::GeoKeys);
         assert_eq!(notes.len(), 1);
+        for empty in [keys(&[]), Vec::new(), vec![0; 8]] {
+            let (wkt, mut notes) = (record(2112, b"PROJCS[\"x\"]".to_vec()), Vec::new());
+            for records in [[record(34735, empty.clone()), wkt.clone()], [wkt, record(34735, empty)]] {
+                let crs = find(&records, &mut notes);
+                assert_eq!(
+                    crs.map(|crs| (crs.text, crs.source)),
+                    Some(("PROJCS[\"x\"]".into(), CrsSource::Wkt))
+                );
+            }
+            assert_eq!(notes, [""; 0]);
+        }
         assert_eq!(found(&[record(34735, keys(&[]))]), None);
         assert_eq!(found(&[record(34735, vec![1, 0, 1])]), None);
         assert_eq!(found(&[]), None);

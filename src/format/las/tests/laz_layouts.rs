@@ -50,6 +50,30 @@ impl Handmade {
         Handmade { bytes, points_at, table_at, records }
     }
 
+    /// COPC of it: its info in front of all records, its hierarchy behind the chunk table.
+    fn with_copc(mut self) -> Handmade {
+        let mut info = vec![0; 54 + 160];
+        info[2..6].copy_from_slice(b"copc");
+        (info[18], info[20]) = (1, 160);
+        let shift = info.len();
+        let records_at = usize::from(u16::from_le_bytes([self.bytes[94], self.bytes[95]]));
+        self.bytes.splice(records_at..records_at, info);
+        self.points_at += shift;
+        self.table_at += shift;
+        self.bytes[96..100].copy_from_slice(&(self.points_at as u32).to_le_bytes());
+        self.bytes[100] += 1;
+        self.set_table_at(self.table_at as i64);
+        let hierarchy_at = self.bytes.len() as u64;
+        let mut hierarchy = vec![0; 60 + 32];
+        hierarchy[2..6].copy_from_slice(b"copc");
+        hierarchy[18..20].copy_from_slice(&1000u16.to_le_bytes());
+        hierarchy[20] = 32;
+        self.bytes.extend_from_slice(&hierarchy);
+        self.bytes[235..243].copy_from_slice(&hierarchy_at.to_le_bytes());
+        self.bytes[243] = 1;
+        self
+    }
+
     fn open(&self) -> Result<LasFile, LasError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &self.bytes).unwrap();
@@ -67,6 +91,20 @@ fn put_laszip(bytes: &mut [u8], vlr: &LazVlr) {
     vlr.write_to(&mut data).unwrap();
     let start = bytes.len() - data.len();
     bytes[start..].copy_from_slice(&data);
+}
+
+/// LAZ with a chunk for each node, and two records more.
+#[test]
+fn copc_is_read_as_the_laz_that_it_is() {
+    for point_format in [6, 7, 8] {
+        let chunks = [700, 1, 3, 50];
+        let made = Handmade::new(point_format, None, &chunks).with_copc();
+        let file = made.open().unwrap();
+        assert!(file.header().notes.is_empty(), "{:?}", file.header().notes);
+        assert!(file.is_complete());
+        assert_eq!(file.slices(1).len(), chunks.len());
+        assert!(read_all(&file, 150).unwrap() == made.records);
+    }
 }
 
 #[test]

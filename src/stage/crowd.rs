@@ -1,0 +1,101 @@
+//! A crowd: a chunk of one position, which holds more points than a chunk may. A
+//! leaf's worth of them stays in the octree, and the rest is never in memory at
+//! once.
+
+use super::context::Cancel;
+use super::distribute::{Part, Place, Runs};
+use super::error::{Result, StageError};
+use super::options::{Mode, Options};
+use super::set_aside::{self, Range, Reason};
+use super::survey::Survey;
+use super::twins;
+use crate::cloud::plan::Chunk;
+use crate::lod::tree::LEAF_LIMIT;
+
+/// Records that are looked at at once.
+const BLOCK: u32 = 1 << 14;
+
+/// Whether a chunk is one position that keeps a leaf's worth of its points.
+pub fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
+    options.duplicates != Mode::Keep && u32::from(chunk.node.level) == survey.cube.bits
+}
+
+/// What stays of a crowd: its first points; where twins are set aside, the first
+/// that differ. A twin is here what equals a point that stays. What differs from
+/// those is a duplicate, be it twice there, so nothing else need be remembered.
+pub fn thin(
+    survey: &Survey,
+    runs: &Runs,
+    parts: &[Part],
+    options: &Options,
+    cancel: &Cancel,
+) -> Result<(Vec<Part>, Vec<Range>)> {
+    if options.twins == Mode::Keep {
+        // The rest need not even be read.
+        return Ok(set_aside::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate));
+    }
+    let mut seen = twins::hashes(LEAF_LIMIT);
+    let (mut kept, mut aside) = (Vec::new(), Vec::new());
+    let mut buffer = Vec::new();
+    for block in parts.iter().copied().flat_map(blocks) {
+        if cancel.is_cancelled() {
+            return Err(StageError::Cancelled);
+        }
+        let run = &runs.runs[block.run as usize];
+        let input = &survey.inputs[run.input];
+        let length = input.source.record_length;
+        let records = read(runs, &block, length, &mut buffer)?.chunks_exact(length);
+        for (at, record) in (block.first..).zip(records) {
+            let one = Part { first: at, points: 1, ..block };
+            let hash = twins::hash(input.layout, record);
+            if seen.contains(&hash) {
+                put_aside(&mut aside, one, Reason::Twin);
+            } else if seen.len() == LEAF_LIMIT {
+                put_aside(&mut aside, one, Reason::Duplicate);
+            } else {
+                seen.insert(hash);
+                keep(&mut kept, one);
+            }
+        }
+    }
+    Ok((kept, aside))
+}
+
+/// A part, block by block.
+fn blocks(part: Part) -> impl Iterator<Item = Part> {
+    (0..part.points).step_by(BLOCK as usize).map(move |from| Part {
+        first: part.first + from,
+        points: BLOCK.min(part.points - from),
+        ..part
+    })
+}
+
+fn read<'a>(runs: &'a Runs, part: &Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
+    let (from, bytes) = (part.first as usize * length, part.points as usize * length);
+    match (&runs.runs[part.run as usize].place, &runs.scratch) {
+        (Place::Memory(records), _) => Ok(&records[from..from + bytes]),
+        (Place::Scratch(at), Some(scratch)) => {
+            buffer.resize(bytes, 0);
+            scratch.runs.read_exact_at(buffer, at + from as u64)?;
+            Ok(buffer)
+        }
+        (Place::Scratch(_), None) => Err(StageError::Inconsistent(format!("run {} is nowhere", part.run))),
+    }
+}
+
+/// Neighbours become one part, or one range.
+fn keep(kept: &mut Vec<Part>, one: Part) {
+    match kept.last_mut() {
+        Some(last) if last.run == one.run && last.first + last.points == one.first => last.points += 1,
+        _ => kept.push(one),
+    }
+}
+
+fn put_aside(aside: &mut Vec<Range>, Part { run, first, .. }: Part, reason: Reason) {
+    match aside.last_mut() {
+        Some(last) if (last.run, last.reason) == (run, reason) && last.first + last.points == first => {
+            last.points += 1;
+        }
+        _ => aside.push(Range { run, first, points: 1, reason }),
+    }
+}
