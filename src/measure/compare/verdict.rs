@@ -24,11 +24,7 @@ pub fn findings(report: &Report) -> Vec<Finding> {
     for scene in &report.scenes {
         let Some(default) = scene.default_method() else { continue };
         let name = &scene.name;
-        let beaten = beaten_by(scene, default, report.budgets.first().copied().unwrap_or(0));
-        findings.push(match &beaten {
-            None => good(format!("{name}: no method is both faster and truer than {}", default.method)),
-            Some(by) => bad(format!("{name}: {by} is both faster and truer than {}", default.method)),
-        });
+        findings.push(on_the_front(scene, default, &report.budgets));
         let even = default.even;
         let words = format!(
             "{name}: of {} samples, {} have one of their node too near, {} ({:.3} %) one of another node",
@@ -61,13 +57,38 @@ fn bad(words: String) -> Finding {
     Finding { holds: false, words }
 }
 
-/// A method that costs less and errs less, clearly: the machine is noisy, and so
-/// are pictures.
-fn beaten_by<'a>(scene: &'a SceneReport, default: &MethodReport, budget: u64) -> Option<&'a str> {
+/// Whether no method is both faster and truer than the default: such a one would be
+/// so in pictures of few points as in those of many. Where one is at some budgets
+/// only, that is told too.
+fn on_the_front(scene: &SceneReport, default: &MethodReport, budgets: &[u64]) -> Finding {
+    let by = |budget: &u64| beaten_by(scene, default, *budget);
+    let (beaten, front): (Vec<u64>, Vec<u64>) = budgets.iter().copied().partition(|b| !by(b).is_empty());
+    let mut names: Vec<&str> = beaten.iter().flat_map(by).collect();
+    names.sort_unstable();
+    names.dedup();
+    let always = names.iter().any(|name| budgets.iter().all(|budget| by(budget).contains(name)));
+    let (name, own, names) = (&scene.name, &default.method, names.join(" and "));
+    let points = |budgets: &[u64]| budgets.iter().map(|b| grouped(*b)).collect::<Vec<_>>().join(" and ");
+    if beaten.is_empty() {
+        good(format!("{name}: no method is both faster and truer than {own}"))
+    } else if always || front.is_empty() {
+        bad(format!("{name}: {names} is both faster and truer than {own}"))
+    } else {
+        good(format!(
+            "{name}: no method is both faster and truer than {own} in pictures of {} points; in those of {}, {names} is",
+            points(&front),
+            points(&beaten),
+        ))
+    }
+}
+
+/// Methods that cost less and err less, clearly: the machine is noisy, and so are
+/// pictures.
+fn beaten_by<'a>(scene: &'a SceneReport, default: &MethodReport, budget: u64) -> Vec<&'a str> {
     let better = |method: &&MethodReport| {
         method.cpu.median < 0.97 * default.cpu.median && method.error(budget) < 0.97 * default.error(budget)
     };
-    scene.methods.iter().find(better).map(|method| method.method.as_str())
+    scene.methods.iter().filter(better).map(|method| method.method.as_str()).collect()
 }
 
 #[cfg(test)]
@@ -86,6 +107,12 @@ mod tests {
         beaten.scenes[0].methods[1] = method("random", 0.7, 1.5);
         let told = findings(&beaten);
         assert!(!told[0].holds && told[0].words.contains("random is both"), "{told:?}");
+
+        let mut beaten_once = good.clone();
+        let pictures = &mut beaten_once.scenes[0].methods[1].pictures;
+        pictures.iter_mut().filter(|p| p.budget == 50_000).for_each(|p| p.error = 1.5);
+        let told = findings(&beaten_once);
+        assert!(told[0].holds && told[0].words.ends_with("in those of 50 000, random is"), "{told:?}");
 
         let mut uneven = good.clone();
         uneven.scenes[0].methods[0].even.across = 100;

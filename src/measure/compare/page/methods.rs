@@ -12,7 +12,7 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
          difference of a pixel, of 255, between a picture of so many points of the coarse levels and the \
          picture of all points, over four views. The line joins the methods that none beats on both. \"Averaged\" is \
          --lod-color average: coarse levels show the mean colour of what their points stand for, and the \
-         originals are kept beside."
+         originals are kept beside. \"The figures\" under a chart have pictures of fewer and of more points too."
             .into(),
     )];
     for scene in &report.scenes {
@@ -31,8 +31,9 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
     Section { heading: "Converting".into(), items }
 }
 
+/// The budget that the charts show: the middle one. The tables have them all.
 fn budget(report: &Report) -> u64 {
-    report.budgets.first().copied().unwrap_or(0)
+    report.budgets.get(report.budgets.len() / 2).copied().unwrap_or(0)
 }
 
 pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Scatter {
@@ -85,7 +86,6 @@ fn says(report: &Report, scene: &SceneReport) -> String {
 }
 
 fn method_table(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Table {
-    let budget = budget(report);
     let column = Column::new;
     let row = |method: &MethodReport| {
         let earlier = before.and_then(|before| before.method(&method.method));
@@ -94,29 +94,35 @@ fn method_table(report: &Report, scene: &SceneReport, before: Option<&SceneRepor
             None => Cell::Number(of(method)),
         };
         let millions = scene.points as f64 / 1e6;
-        vec![
+        let costs = [
             Cell::Text(method.method.clone()),
             cell(&|m| m.wall.median),
             cell(&|m| millions / m.wall.median),
             cell(&|m| m.cpu_a_million(scene.points)),
             cell(&|m| m.peak as f64 / 1e6),
             cell(&|m| m.octree_bytes as f64 / 1e6),
-            cell(&|m| m.error(budget)),
-            cell(&|m| m.flip(budget)),
-        ]
+        ];
+        let errors = report
+            .budgets
+            .iter()
+            .flat_map(|budget| [cell(&|m| m.error(*budget)), cell(&|m| m.flip(*budget))]);
+        costs.into_iter().chain(errors).collect()
     };
+    let costs = [
+        column("method", ""),
+        column("time", "s"),
+        column("speed", "M points/s"),
+        column("processor time", "s a million"),
+        column("memory", "MB"),
+        column("octree", "MB"),
+    ];
+    let errors = report.budgets.iter().flat_map(|budget| {
+        let points = format!("{}k", budget / 1000);
+        [column(&format!("error, {points}"), "of 255"), column(&format!("ꟻLIP, {points}"), "")]
+    });
     Table {
         caption: format!("{}, {} points", scene.name, grouped(scene.points)),
-        columns: vec![
-            column("method", ""),
-            column("time", "s"),
-            column("speed", "M points/s"),
-            column("processor time", "s a million"),
-            column("memory", "MB"),
-            column("octree", "MB"),
-            column("error", "of 255"),
-            column("ꟻLIP", ""),
-        ],
+        columns: costs.into_iter().chain(errors).collect(),
         rows: scene.methods.iter().map(row).collect(),
     }
 }
