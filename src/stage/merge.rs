@@ -1,8 +1,9 @@
 //! Merge: the levels above the chunks, sampled from the chunks' roots in the
 //! same way and written behind them ("Fast Out-of-Core Octree Generation", 4.3).
 //!
-//! The subtrees below the nodes of one fixed level are merged side by side, then
-//! what is above them; the cut is fixed, so that the threads decide nothing.
+//! The subtrees below a cut are merged side by side, then what is above them. The
+//! cut follows from the chunks alone, so that the threads decide nothing, and leaves
+//! few chunks to each subtree, whose finished nodes wait in memory until it is done.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
@@ -26,9 +27,12 @@ use crate::lod::sampler::{Item, Sampler};
 use crate::lod::thin::{NODE_LIMIT, thin};
 use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
 
-/// Level whose nodes' subtrees are merged side by side: up to 64, of which a
-/// flat country fills 16.
+/// Highest level of the cut: it has up to 64 nodes, of which a flat country fills 16.
 const CUT: u8 = 2;
+
+/// Chunks below a node of the cut. A chunk's root holds about 8000 points that no
+/// level above took, so this is some 20 MB of nodes.
+const MOST_CHUNKS: usize = 64;
 
 /// What there is to say of the nodes.
 pub struct Merged {
@@ -135,25 +139,35 @@ type Slot = Mutex<Option<(Rising, u64, Statistics)>>;
 /// Chunks below the cut by the subtree they are in, in the order in which the
 /// subtrees take their turns, and those at or above it.
 fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
-    let mut subtrees: Vec<(NodeKey, Roots)> = Vec::new();
+    let roots = cut_nodes(&rising.iter().map(|rising| rising.node).collect::<Vec<_>>());
+    let mut subtrees: HashMap<NodeKey, Roots> = HashMap::new();
     let mut top = HashMap::new();
-    for rising in rising {
-        let Some(up) = rising.node.level.checked_sub(CUT).filter(|up| *up > 0) else {
-            top.insert(rising.node, rising);
-            continue;
+    for (rising, root) in rising.into_iter().zip(&roots) {
+        let into = match root {
+            Some(root) => subtrees.entry(*root).or_default(),
+            None => &mut top,
         };
-        let node = NodeKey { level: CUT, at: rising.node.at.map(|c| c >> up) };
-        if subtrees.last().is_none_or(|(last, _)| *last != node) {
-            subtrees.push((node, HashMap::new()));
-        }
-        if let Some((_, roots)) = subtrees.last_mut() {
-            roots.insert(rising.node, rising);
-        }
+        into.insert(rising.node, rising);
     }
-    let order = halos::order(&subtrees.iter().map(|(node, _)| *node).collect::<Vec<_>>());
-    let mut subtrees: Vec<_> = subtrees.into_iter().map(Some).collect();
-    let in_turn = order.into_iter().filter_map(|number| subtrees[number].take());
-    (in_turn.map(|(node, roots)| (node, Mutex::new(roots))).collect(), top)
+    let mut nodes: Vec<NodeKey> = roots.into_iter().flatten().collect();
+    nodes.dedup();
+    let in_turn = halos::order(&nodes).into_iter().map(|number| nodes[number]);
+    (in_turn.filter_map(|node| Some((node, Mutex::new(subtrees.remove(&node)?)))).collect(), top)
+}
+
+/// For each chunk the node of the cut above it: the topmost, from the level of the
+/// cut down, that has few enough chunks below it.
+fn cut_nodes(chunks: &[NodeKey]) -> Vec<Option<NodeKey>> {
+    let above = |chunk: NodeKey| {
+        let at = move |level: u8| NodeKey { level, at: chunk.at.map(|c| c >> (chunk.level - level)) };
+        (CUT..chunk.level).map(at)
+    };
+    let mut below: HashMap<NodeKey, usize> = HashMap::new();
+    for node in chunks.iter().flat_map(|chunk| above(*chunk)) {
+        *below.entry(node).or_default() += 1;
+    }
+    let is_small = |node: &NodeKey| below.get(node).is_some_and(|chunks| *chunks <= MOST_CHUNKS);
+    chunks.iter().map(|chunk| above(*chunk).find(is_small)).collect()
 }
 
 struct Merger<'a> {
@@ -185,6 +199,10 @@ impl<'a> Merger<'a> {
         roots: Roots,
         scratch: Option<&'a Scratch>,
     ) -> Merger<'a> {
+        let mut writer = NodeWriter::new(survey, options.encoding);
+        // At once: memory that grows is there twice while it moves.
+        let points: u64 = roots.values().map(|root| root.points(survey)).sum();
+        writer.block.bytes.reserve(points as usize * survey.unified.schema.record_size());
         Merger {
             survey,
             context,
@@ -192,7 +210,7 @@ impl<'a> Merger<'a> {
             sampler: options.sampling.sampler(survey.cube.slack()),
             roots,
             scratch,
-            writer: NodeWriter::new(survey, options.encoding),
+            writer,
             taken: Vec::new(),
         }
     }
@@ -300,5 +318,50 @@ impl<'a> Merger<'a> {
             self.context.progress.advance(items.len() as u64);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Chunks that no other lies in, of any depth: each is in one subtree of few,
+        /// which no other subtree lies in, or a child of a node with too many.
+        #[test]
+        fn the_cut_leaves_few_chunks_to_a_subtree(
+            paths in proptest::collection::vec(proptest::collection::vec(0u8..8, 1..5), 1..400),
+            dense in proptest::collection::vec(0u8..8, 0..6),
+        ) {
+            let mut chunks: Vec<NodeKey> = paths.iter().map(|path| {
+                dense.iter().chain(path).fold(NodeKey::ROOT, |node, digit| node.child(*digit))
+            }).collect();
+            chunks.sort_by_key(|chunk| (chunk.digits().collect::<Vec<_>>(), chunk.level));
+            let lies_in = |node: &NodeKey, above: &NodeKey| node.level >= above.level
+                && node.at.map(|c| c >> (node.level - above.level)) == above.at;
+            chunks.dedup_by(|next, before| lies_in(next, before));
+            let roots = cut_nodes(&chunks);
+            let below = |node: &NodeKey| chunks.iter().filter(|chunk| lies_in(chunk, node)).count();
+            for (chunk, root) in chunks.iter().zip(&roots) {
+                match root {
+                    Some(root) => {
+                        prop_assert!(lies_in(chunk, root) && chunk != root && root.level >= CUT);
+                        prop_assert!(below(root) <= MOST_CHUNKS);
+                        let parent = root.parent().filter(|parent| parent.level >= CUT);
+                        prop_assert!(parent.is_none_or(|parent| below(&parent) > MOST_CHUNKS));
+                    }
+                    None => {
+                        let parent = chunk.parent().filter(|parent| parent.level >= CUT);
+                        prop_assert!(parent.is_none_or(|parent| below(&parent) > MOST_CHUNKS));
+                    }
+                }
+            }
+            // Those of one subtree stand together.
+            let mut nodes: Vec<NodeKey> = roots.into_iter().flatten().collect();
+            nodes.dedup();
+            let different: HashSet<NodeKey> = nodes.iter().copied().collect();
+            prop_assert_eq!(nodes.len(), different.len());
+        }
     }
 }
