@@ -3,7 +3,7 @@
 //! once.
 
 use super::context::Cancel;
-use super::distribute::{Part, Place, Runs};
+use super::distribute::{Part, Runs};
 use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::set_aside::{self, Range, Reason};
@@ -44,7 +44,7 @@ pub fn thin(
         let run = &runs.runs[block.run as usize];
         let input = &survey.inputs[run.input];
         let length = input.source.record_length;
-        let records = read(runs, &block, length, &mut buffer)?.chunks_exact(length);
+        let records = runs.records(block, length, &mut buffer)?.chunks_exact(length);
         for (at, record) in (block.first..).zip(records) {
             let one = Part { first: at, points: 1, ..block };
             let hash = twins::hash(input.layout, record);
@@ -68,19 +68,6 @@ fn blocks(part: Part) -> impl Iterator<Item = Part> {
         points: BLOCK.min(part.points - from),
         ..part
     })
-}
-
-fn read<'a>(runs: &'a Runs, part: &Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
-    let (from, bytes) = (part.first as usize * length, part.points as usize * length);
-    match (&runs.runs[part.run as usize].place, &runs.scratch) {
-        (Place::Memory(records), _) => Ok(&records[from..from + bytes]),
-        (Place::Scratch(at), Some(scratch)) => {
-            buffer.resize(bytes, 0);
-            scratch.runs.read_exact_at(buffer, at + from as u64)?;
-            Ok(buffer)
-        }
-        (Place::Scratch(_), None) => Err(StageError::Inconsistent(format!("run {} is nowhere", part.run))),
-    }
 }
 
 /// Neighbours become one part, or one range.

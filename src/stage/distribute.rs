@@ -47,6 +47,25 @@ pub struct Runs {
     pub scratch: Option<Arc<Scratch>>,
 }
 
+impl Runs {
+    /// The raw records of a part, of so many bytes each: where they lie, or in
+    /// `buffer`.
+    pub fn records<'a>(&'a self, part: Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
+        let (from, bytes) = (part.first as usize * length, part.points as usize * length);
+        match (&self.runs[part.run as usize].place, &self.scratch) {
+            (Place::Memory(records), _) => Ok(&records[from..from + bytes]),
+            (Place::Scratch(at), Some(scratch)) => {
+                buffer.resize(bytes, 0);
+                scratch.runs.read_exact_at(buffer, at + from as u64)?;
+                Ok(buffer)
+            }
+            (Place::Scratch(_), None) => {
+                Err(StageError::Inconsistent(format!("run {} is nowhere", part.run)))
+            }
+        }
+    }
+}
+
 /// A run once it is made, with the points it holds of each chunk.
 type Made = Mutex<Option<(Run, Vec<u32>)>>;
 

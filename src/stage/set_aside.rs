@@ -11,7 +11,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::context::{Context, Stage};
-use super::distribute::{Part, Place, Runs};
+use super::distribute::{Part, Runs};
 use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::survey::{Input, Survey};
@@ -221,27 +221,17 @@ fn append(
         if context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        let points = BLOCK.min(range.points - done) as usize;
-        let start = (range.first + done) as usize * length;
-        let raw = match (&runs.runs[range.run as usize].place, &runs.scratch) {
-            (Place::Memory(bytes), _) => &bytes[start..start + points * length],
-            (Place::Scratch(at), Some(scratch)) => {
-                buffer.resize(points * length, 0);
-                scratch.runs.read_exact_at(&mut buffer, at + start as u64)?;
-                &buffer
-            }
-            (Place::Scratch(_), None) => {
-                return Err(StageError::Inconsistent(format!("run {} is nowhere", range.run)));
-            }
-        };
+        let points = BLOCK.min(range.points - done);
+        let part = Part { run: range.run, first: range.first + done, points };
+        let raw = runs.records(part, length, &mut buffer)?;
         records.clear();
         for record in raw.chunks_exact(length) {
             records.extend_from_slice(record);
             records.push(range.reason as u8);
         }
         writer.write(&records)?;
-        done += points as u32;
-        context.progress.advance(points as u64);
+        done += points;
+        context.progress.advance(u64::from(points));
     }
     Ok(())
 }
