@@ -14,7 +14,7 @@ use super::error::{Result, StageError};
 use super::halos::{self, Kept, Turn};
 use super::index::{self, Done, Indexed, Rising, RisingRecords};
 use super::nodes::NodeWriter;
-use super::options::Options;
+use super::options::{Encoding, Options};
 use super::output::OctreeFile;
 use super::scratch::Scratch;
 use super::survey::Survey;
@@ -200,9 +200,11 @@ impl<'a> Merger<'a> {
         scratch: Option<&'a Scratch>,
     ) -> Merger<'a> {
         let mut writer = NodeWriter::new(survey, options.encoding);
-        // At once: memory that grows is there twice while it moves.
-        let points: u64 = roots.values().map(|root| root.points(survey)).sum();
-        writer.block.bytes.reserve(points as usize * survey.unified.schema.record_size());
+        if options.encoding == Encoding::Default {
+            // At once: memory that grows is there twice while it moves.
+            let points: u64 = roots.values().map(|root| root.points(survey)).sum();
+            writer.block.bytes.reserve(points as usize * survey.unified.schema.record_size());
+        }
         Merger {
             survey,
             context,
