@@ -9,9 +9,9 @@ use std::path::Path;
 
 use common::judge::{Held, IN_CORE, field, held, held_under, held_with, patch, write_points, write_scene};
 use common::{convert, octree_bytes};
+use lodestone::cloud::node::LEAF_LIMIT;
 use lodestone::cloud::plan::chunk_limit;
 use lodestone::lod::thin::NODE_LIMIT;
-use lodestone::lod::tree::LEAF_LIMIT;
 use lodestone::stage::options::{Mode, Options, Sampling};
 use lodestone::stage::set_aside::Reason;
 use lodestone::synth::{Kind, Recipe};

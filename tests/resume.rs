@@ -15,6 +15,7 @@ use std::time::Duration;
 use common::{context, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
+use lodestone::format::las::LasFile;
 use lodestone::stage::journal;
 use lodestone::stage::options::{Encoding, LodColor, Options, Sampling};
 use lodestone::stage::receipt::{Receipt, Unit};
@@ -232,6 +233,28 @@ fn remains_that_were_cut_emptied_or_removed_cost_work_but_no_point() {
             fs::remove_dir_all(folder.path().join("octree")).unwrap();
         }
     }
+}
+
+/// Other content of the same length, with the same time: nothing tells but the
+/// points, which are not where they were counted.
+#[test]
+fn a_source_that_changed_unnoticed_in_between_is_converted_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, options) = (cloud(folder.path(), false), named(Encoding::Default, Sampling::Poisson));
+    // Surveyed (LAS is not copied in that), and some of it distributed.
+    stopped(folder.path(), &input, &options, 1 + 2);
+    let time = fs::metadata(&input).unwrap().modified().unwrap();
+    let mut bytes = fs::read(&input).unwrap();
+    let file = LasFile::open(&input).unwrap();
+    let (length, records) = (file.header().record_length, file.header().points as usize);
+    let start = bytes.len() - records * length;
+    let half = records / 2 * length;
+    bytes[start + half..].copy_from_slice(&surface(3, records as u64, 2)[half..]);
+    fs::write(&input, bytes).unwrap();
+    fs::File::options().write(true).open(&input).unwrap().set_modified(time).unwrap();
+    let outcome = go_on(folder.path(), &input, &options);
+    assert_eq!(outcome.units_resumed, 0);
+    assert!(octree_bytes(&folder.path().join("octree")) == uninterrupted(folder.path(), &input, &options));
 }
 
 #[test]

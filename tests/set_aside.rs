@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::{context, octree_bytes, options_of, request, surface, write_las};
+use lodestone::cloud::node::LEAF_LIMIT;
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
-use lodestone::lod::tree::LEAF_LIMIT;
 use lodestone::stage::context::{Context, Snapshot, Stage};
 use lodestone::stage::options::{Mode, Options};
 use lodestone::stage::set_aside::Reason;

@@ -4,6 +4,10 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+/// Points of a leaf, by default ("Fast Out-of-Core Octree Generation", 4.2): what
+/// holds more is divided.
+pub const LEAF_LIMIT: usize = 10_000;
+
 /// A node of the octree: `level` steps below the root, at integer coordinates
 /// among the 2^level cubes of that level on each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -31,6 +35,14 @@ impl NodeKey {
     pub fn parent(self) -> Option<NodeKey> {
         let level = self.level.checked_sub(1)?;
         Some(NodeKey { level, at: self.at.map(|c| c >> 1) })
+    }
+
+    /// The node of a coarser level that this one lies in; itself at its own level.
+    ///
+    /// # Panics
+    /// Where `level` is below this node's.
+    pub fn ancestor(self, level: u8) -> NodeKey {
+        NodeKey { level, at: self.at.map(|c| c >> (self.level - level)) }
     }
 
     /// Which child of its parent this is.
@@ -66,5 +78,6 @@ mod tests {
         assert_eq!(node.parent(), Some(NodeKey::ROOT.child(0).child(6)));
         assert_eq!(NodeKey::ROOT.child(4).at, [1, 0, 0]);
         assert_eq!(NodeKey::ROOT.parent(), None);
+        assert_eq!([3, 2, 0].map(|level| node.ancestor(level).to_string()), ["r063", "r06", "r"]);
     }
 }

@@ -18,12 +18,10 @@
 //!   fills a leaf of its own is a part of the cloud, however far from the rest.
 
 use super::census::Grid;
+use super::node::LEAF_LIMIT;
 
 /// The box must become this many times shorter: four levels of the octree.
 pub const SHRINK: u64 = 16;
-
-/// Never more, however large the cloud: as many points as a leaf of the octree holds.
-const LEAF: u64 = 10_000;
 
 /// The part of a cloud that holds all but its outliers, in cells of the census.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +35,7 @@ pub struct Kept {
 /// Most points of a cloud that can be outliers: one in ten thousand, up to a leaf's
 /// worth, and in small clouds one in fifty, up to sixteen.
 pub fn most(points: u64) -> u64 {
-    (points / 10_000).min(LEAF).max((points / 50).min(16))
+    (points / 10_000).min(LEAF_LIMIT as u64).max((points / 50).min(16))
 }
 
 /// Finds the outliers of a cloud, at most `most` of them.
@@ -201,6 +199,20 @@ mod tests {
         assert_eq!(found(&[[0; 3], [FAR; 3]]), None);
         assert_eq!(found(&[cluster(0, 19), vec![[FAR; 3]]].concat()), None);
         assert_eq!(found(&[[7; 3]]), None);
+    }
+
+    #[test]
+    fn a_trail_that_leads_away_is_let_be_until_it_tears() {
+        // Noise in the sky, each a step farther than the last, none farther than
+        // all before it are long.
+        let steps: Vec<u32> = (0..16).map(|i| 50_000 << i).collect();
+        let ground = cluster(0, 1_000_000);
+        let trail = |without: usize| {
+            let left = steps.iter().enumerate().filter(move |(i, _)| *i != without);
+            [ground.clone(), left.map(|(_, far)| [20_000, 20_000, *far]).collect()].concat()
+        };
+        assert_eq!(found(&trail(usize::MAX)), None);
+        assert_eq!(found(&trail(11)).map(|kept| kept.outliers), Some(4));
     }
 
     #[test]

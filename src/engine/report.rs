@@ -11,9 +11,9 @@ use serde::Serialize;
 
 use super::conduct::{Outcome, Request};
 use crate::cloud::lattice::Lattice;
+use crate::cloud::node::LEAF_LIMIT;
 use crate::cloud::outliers;
 use crate::disk::Disk;
-use crate::lod::tree::LEAF_LIMIT;
 use crate::stage::error::StageError;
 use crate::stage::options::{Mode, Options};
 use crate::stage::set_aside::Reason;

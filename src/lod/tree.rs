@@ -19,9 +19,6 @@ use crate::cloud::node::NodeKey;
 /// Levels that one counting sort divides at most: 32³ cells.
 const SPLIT_LEVELS: u32 = 5;
 
-/// Points of a leaf, by default (the paper's suggestion).
-pub const LEAF_LIMIT: usize = 10_000;
-
 /// Receives each node once its points are final, children before parents.
 pub trait Emit {
     type Error;

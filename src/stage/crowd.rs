@@ -9,8 +9,8 @@ use super::options::{Mode, Options};
 use super::set_aside::{self, Range, Reason};
 use super::survey::Survey;
 use super::twins;
+use crate::cloud::node::LEAF_LIMIT;
 use crate::cloud::plan::Chunk;
-use crate::lod::tree::LEAF_LIMIT;
 
 /// Records that are looked at at once.
 const BLOCK: u32 = 1 << 14;
@@ -49,9 +49,9 @@ pub fn thin(
             let one = Part { first: at, points: 1, ..block };
             let hash = twins::hash(input.layout, record);
             if seen.contains(&hash) {
-                put_aside(&mut aside, one, Reason::Twin);
+                set_aside::put(&mut aside, one, Reason::Twin);
             } else if seen.len() == LEAF_LIMIT {
-                put_aside(&mut aside, one, Reason::Duplicate);
+                set_aside::put(&mut aside, one, Reason::Duplicate);
             } else {
                 seen.insert(hash);
                 keep(&mut kept, one);
@@ -70,19 +70,10 @@ fn blocks(part: Part) -> impl Iterator<Item = Part> {
     })
 }
 
-/// Neighbours become one part, or one range.
+/// Neighbours become one part.
 fn keep(kept: &mut Vec<Part>, one: Part) {
     match kept.last_mut() {
         Some(last) if last.run == one.run && last.first + last.points == one.first => last.points += 1,
         _ => kept.push(one),
-    }
-}
-
-fn put_aside(aside: &mut Vec<Range>, Part { run, first, .. }: Part, reason: Reason) {
-    match aside.last_mut() {
-        Some(last) if (last.run, last.reason) == (run, reason) && last.first + last.points == first => {
-            last.points += 1;
-        }
-        _ => aside.push(Range { run, first, points: 1, reason }),
     }
 }

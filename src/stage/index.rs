@@ -19,12 +19,12 @@ use super::survey::{Survey, chunk_memory};
 use super::twins;
 use super::workers;
 use crate::cloud::attribute::Schema;
-use crate::cloud::node::NodeKey;
+use crate::cloud::node::{LEAF_LIMIT, NodeKey};
 use crate::cloud::plan::Chunk;
 use crate::cloud::statistics::Statistics;
 use crate::disk::DiskFile;
 use crate::lod::sampler::{Item, Sampler};
-use crate::lod::tree::{Builder, LEAF_LIMIT};
+use crate::lod::tree::Builder;
 
 /// What rises from a chunk: its root's points, in the octree's layout.
 pub struct Rising {

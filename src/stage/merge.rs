@@ -20,12 +20,12 @@ use super::scratch::Scratch;
 use super::survey::Survey;
 use super::workers;
 use crate::cloud::cube::Frame;
-use crate::cloud::node::NodeKey;
+use crate::cloud::node::{LEAF_LIMIT, NodeKey};
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
 use crate::lod::thin::{NODE_LIMIT, thin};
-use crate::lod::tree::{Emit, LEAF_LIMIT, is_hollow, move_taken};
+use crate::lod::tree::{Emit, is_hollow, move_taken};
 
 /// Highest level of the cut: it has up to 64 nodes, of which a flat country fills 16.
 const CUT: u8 = 2;
@@ -158,10 +158,7 @@ fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
 /// For each chunk the node of the cut above it: the topmost, from the level of the
 /// cut down, that has few enough chunks below it.
 fn cut_nodes(chunks: &[NodeKey]) -> Vec<Option<NodeKey>> {
-    let above = |chunk: NodeKey| {
-        let at = move |level: u8| NodeKey { level, at: chunk.at.map(|c| c >> (chunk.level - level)) };
-        (CUT..chunk.level).map(at)
-    };
+    let above = |chunk: NodeKey| (CUT..chunk.level).map(move |level| chunk.ancestor(level));
     let mut below: HashMap<NodeKey, usize> = HashMap::new();
     for node in chunks.iter().flat_map(|chunk| above(*chunk)) {
         *below.entry(node).or_default() += 1;
@@ -341,7 +338,7 @@ mod tests {
             }).collect();
             chunks.sort_by_key(|chunk| (chunk.digits().collect::<Vec<_>>(), chunk.level));
             let lies_in = |node: &NodeKey, above: &NodeKey| node.level >= above.level
-                && node.at.map(|c| c >> (node.level - above.level)) == above.at;
+                && node.ancestor(above.level) == *above;
             chunks.dedup_by(|next, before| lies_in(next, before));
             let roots = cut_nodes(&chunks);
             let below = |node: &NodeKey| chunks.iter().filter(|chunk| lies_in(chunk, node)).count();

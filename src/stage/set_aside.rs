@@ -75,12 +75,19 @@ pub fn ranges(parts: &[Part], indices: &[u32], reason: Reason) -> Vec<Range> {
             part += 1;
         }
         let at = Part { first: parts[part].first + (index - before), points: 1, ..parts[part] };
-        match ranges.last_mut() {
-            Some(last) if last.run == at.run && last.first + last.points == at.first => last.points += 1,
-            _ => ranges.push(Range { run: at.run, first: at.first, points: 1, reason }),
-        }
+        put(&mut ranges, at, reason);
     }
     ranges
+}
+
+/// One more record; neighbours become one range.
+pub fn put(ranges: &mut Vec<Range>, Part { run, first, .. }: Part, reason: Reason) {
+    match ranges.last_mut() {
+        Some(last) if (last.run, last.reason) == (run, reason) && last.first + last.points == first => {
+            last.points += 1;
+        }
+        _ => ranges.push(Range { run, first, points: 1, reason }),
+    }
 }
 
 /// What lies behind the first `keep` points of a chunk's parts.

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use super::{Method, Steps, Wishes};
 use crate::cloud::cube::{Cube, Frame};
 use crate::cloud::lattice::Lattice;
-use crate::cloud::node::NodeKey;
+use crate::cloud::node::{LEAF_LIMIT, NodeKey};
 use crate::cloud::record;
 use crate::format::las::LasFile;
 use crate::lod::sampler::{Item, Rim, Sampler};
-use crate::lod::tree::{Builder, Emit, LEAF_LIMIT};
+use crate::lod::tree::{Builder, Emit};
 use crate::measure::means::Result;
 use crate::measure::process::{Spread, spread};
 

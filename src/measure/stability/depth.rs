@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
+use crate::cloud::node::LEAF_LIMIT;
 use crate::format::inputs;
 use crate::format::las::LasFile;
 use crate::measure::means::Result;
 
-/// Points that a leaf may hold.
-const LEAF: usize = 10_000;
 /// Levels that are looked at, bits an axis: a centimetre in ten kilometres has
 /// thousands of cells.
 const BITS: u32 = 32;
@@ -51,11 +50,11 @@ fn level(points: &[[f64; 3]]) -> u32 {
         .collect();
     codes.sort_unstable();
     codes.dedup();
-    // A run of LEAF + 1 codes must be parted: the levels on which it is not are
+    // A run of LEAF_LIMIT + 1 codes must be parted: the levels on which it is not are
     // the bits that its first and last have in common.
     codes
-        .windows(LEAF + 1)
-        .map(|run| (run[0] ^ run[LEAF]).leading_zeros().saturating_sub(u128::BITS - 3 * BITS) / 3 + 1)
+        .windows(LEAF_LIMIT + 1)
+        .map(|run| (run[0] ^ run[LEAF_LIMIT]).leading_zeros().saturating_sub(u128::BITS - 3 * BITS) / 3 + 1)
         .max()
         .unwrap_or(0)
 }
