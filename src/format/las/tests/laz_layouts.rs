@@ -5,6 +5,7 @@ use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::{LazVlr, LazVlrBuilder};
 
 use super::super::coding::Coding;
+use super::super::stream::MOST_CHUNKS_TO_COUNT;
 use super::*;
 
 /// A LAZ file built by hand, chunk by chunk.
@@ -179,6 +180,24 @@ fn a_cut_laz_file_says_how_much_is_left() {
         match made.open() {
             Err(LasError::Cut { readable, points: 230, .. }) => {
                 assert!((100..200).contains(&readable), "format {point_format}: {readable}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn of_a_cut_laz_file_in_tiny_chunks_only_the_front_is_counted() {
+    let most = MOST_CHUNKS_TO_COUNT as usize;
+    let whole = Handmade::new(1, Some(1), &vec![1; most + 50]);
+    let length = (whole.table_at - whole.points_at - 8) / (most + 50);
+    for there in [most - 30, most + 30] {
+        let mut made = Handmade { bytes: whole.bytes.clone(), records: Vec::new(), ..whole };
+        made.bytes.truncate(made.points_at + 8 + length * there);
+        match made.open() {
+            Err(LasError::Cut { readable, reason, .. }) => {
+                assert_eq!(readable as usize, there.min(most));
+                assert_eq!(reason.contains("there may be more"), there > most, "{reason}");
             }
             other => panic!("{other:?}"),
         }
