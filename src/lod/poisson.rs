@@ -327,7 +327,7 @@ impl Sampler for PoissonDisk {
             let reach = Spacing::of(own, self.slack).reach;
             let near = |c: u32| i64::from(c) < reach || i64::from(c) >= (1 << frame.side_bits) - reach;
             rim.samples.retain(|at| frame.local(*at).into_iter().any(near));
-            rim.node.at.map(|c| c >> below) == root.at && !rim.samples.is_empty()
+            rim.node.ancestor(root.level) == root && !rim.samples.is_empty()
         });
         // In an order that is always the same.
         rims.sort_unstable_by_key(|rim| (rim.node.level, rim.node.at));

@@ -131,13 +131,10 @@ impl Locator<'_> {
                 "it should lie behind the end of the file".to_string()
             }
             Table::Beyond => {
-                let mut reason = "its chunk table should lie behind its end".to_string();
+                let reason = "its chunk table should lie behind its end".to_string();
                 let whole = self.reading == Reading::Whole;
-                let (readable, all) = if whole { self.readable(said)? } else { (said, true) };
+                let readable = if whole { self.readable(said)? } else { said };
                 if readable < said {
-                    if !all {
-                        reason.push_str("; there may be more, only its front was tried");
-                    }
                     let path = path.to_path_buf();
                     return Err(LasError::Cut { path, readable, points: said, reason });
                 }
@@ -287,11 +284,11 @@ impl Locator<'_> {
     }
 
     /// How many points are in a file that ends before its chunk table, as far as
-    /// counting them does not take long; and whether that is all of them.
-    fn readable(&self, said: u64) -> Result<(u64, bool), LasError> {
+    /// counting them does not take long.
+    fn readable(&self, said: u64) -> Result<u64, LasError> {
         if self.coding.layered {
             let chunks = self.walk(said)?;
-            return Ok((chunks.last().map_or(0, |chunk| chunk.first + chunk.points), true));
+            return Ok(chunks.last().map_or(0, |chunk| chunk.first + chunk.points));
         }
         Ok(stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said))
     }

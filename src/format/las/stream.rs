@@ -17,7 +17,7 @@ pub const SKIP: u64 = 10_000;
 /// still has; that takes a few seconds.
 const MOST_TO_COUNT: u64 = 64 << 20;
 /// And chunks: a decoder takes up to a millisecond to set up, be its chunk of a
-/// single point.
+/// single point. Where all of these are sound, only reading can tell about the rest.
 pub const MOST_CHUNKS_TO_COUNT: u64 = 1_000;
 
 /// Why decoding ended, and how many points came before.
@@ -239,33 +239,26 @@ impl Seek for Range {
 }
 
 /// How many points can be decoded from `start` on, up to `said`. Looks only at
-/// the first of a large file's bytes and chunks; then it is a lower bound, and false
-/// comes with it.
-pub fn count_readable(
-    source: &Source,
-    coding: &Coding,
-    chunking: Chunking,
-    start: u64,
-    said: u64,
-) -> (u64, bool) {
-    let Ok(source) = source.reopen() else { return (0, true) };
+/// the first of a large file's bytes; then it is a lower bound. Of many chunks it
+/// tries the first, and believes in the others until they are read.
+pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, start: u64, said: u64) -> u64 {
+    let Ok(source) = source.reopen() else { return 0 };
     let end = source.bytes().min(start.saturating_add(MOST_TO_COUNT));
-    let whole = end == source.bytes();
     let chunk_points = match chunking {
         Chunking::Fixed(points) => Some(points),
         Chunking::Whole => None,
         // Without the table nobody knows where one chunk ends.
-        Chunking::Variable => return (0, true),
+        Chunking::Variable => return 0,
     };
-    let most = chunk_points.map_or(u64::MAX, |each| u64::from(each) * MOST_CHUNKS_TO_COUNT);
+    let tried = chunk_points.map_or(said, |each| said.min(u64::from(each) * MOST_CHUNKS_TO_COUNT));
     let layout = Layout::Stream { start, end, chunk_points };
     let mut stream = Stream::new(Arc::new(source), &layout);
     let mut nothing = vec![0; SKIP as usize * coding.record_length];
-    while stream.decoded < said.min(most) {
-        let points = (said.min(most) - stream.decoded).min(SKIP) as usize;
+    while stream.decoded < tried {
+        let points = (tried - stream.decoded).min(SKIP) as usize;
         if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
-            return (broken.sound, whole);
+            return broken.sound;
         }
     }
-    (said.min(most), said <= most)
+    said
 }
