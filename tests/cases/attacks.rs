@@ -1,0 +1,1 @@
+//! Hostile names, links, foreign octrees, crashes and full disks.

@@ -1,0 +1,1 @@
+//! Versions, point formats, coordinate systems and colors of LAS files.

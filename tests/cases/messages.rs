@@ -1,0 +1,1 @@
+//! What the command line, the log and the API tell.

@@ -1,0 +1,1 @@
+//! The daemon as shipped: unit, container, alerts, proxies, viewers on other pages.

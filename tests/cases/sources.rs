@@ -1,0 +1,1 @@
+//! What arrives in a watched folder, and when a source may be deleted.
