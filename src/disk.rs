@@ -7,6 +7,7 @@
 //! files while they are read. Maps are for files that we wrote ourselves and
 //! that nobody changes.
 
+pub mod others;
 mod replace;
 
 use std::fs::{self, File, OpenOptions};
@@ -20,6 +21,7 @@ use std::time::Duration;
 
 use rustix::fs::Advice;
 
+use others::Links;
 pub use replace::inode;
 
 /// What went wrong with which file, and what to do about it.
@@ -76,6 +78,7 @@ struct Faults {
 pub struct Disk {
     faults: Option<Arc<Faults>>,
     written: Arc<AtomicU64>,
+    links: Links,
 }
 
 impl Disk {
@@ -87,6 +90,16 @@ impl Disk {
     /// with `error`, writes after half of their bytes; for tests.
     pub fn failing_from(nth: i64, error: io::ErrorKind) -> Disk {
         Disk { faults: Some(Arc::new(Faults { countdown: AtomicI64::new(nth), error })), ..Disk::default() }
+    }
+
+    /// A disk whose inputs lie in watched folders, where others may put links.
+    pub fn refusing_links(self) -> Disk {
+        Disk { links: Links::Refused, ..self }
+    }
+
+    /// Whether links on the way to inputs are followed.
+    pub fn links(&self) -> Links {
+        self.links
     }
 
     /// Ends the faults of this disk, and of all its clones.

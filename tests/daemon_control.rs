@@ -97,7 +97,7 @@ fn published_sources_are_deleted_only_as_they_were_converted() {
     fs::write(outside.join("mine.las"), las(1_000, 9)).expect("written");
     let daemon = Daemon::start_with(&root.path().join("data"), &["--on-done", "delete"]);
     fs::write(daemon.inbox().join("a.las"), las(1_000, 1)).expect("dropped");
-    // A tile that is a link within the inbox is converted, but nothing is deleted through it.
+    // A tile that is a link is not converted, and nothing is deleted where one lies.
     let linked = root.path().join("linked");
     fill_folder(&linked, &[("1.las", las(1_000, 2))]);
     std::os::unix::fs::symlink("1.las", linked.join("2.las")).expect("linked");

@@ -158,7 +158,7 @@ fn files_that_came_while_it_was_down_are_found_and_links_out_are_refused() {
     assert_eq!(daemon.jobs().len(), 1);
     wait_for("the word on the link", || {
         let waiting = daemon.json("/api/watch")["waiting"].to_string();
-        (waiting.contains("link.las") && waiting.contains("leaves the watched folder")).then_some(())
+        (waiting.contains("link.las") && waiting.contains("links are not followed")).then_some(())
     });
     assert_eq!(daemon.jobs().len(), 1);
 }

@@ -66,7 +66,7 @@ pub fn run(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonEr
 async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonError> {
     let (stop, tracker) = (CancellationToken::new(), TaskTracker::new());
     signals::listen(stop.clone()).map_err(DaemonError::Start)?;
-    let disk = Disk::new();
+    let disk = Disk::new().refusing_links();
     let config = Arc::new(house::open(config, &disk)?);
     let _lock = house::lock(&config).await?;
     let store = Store::open(&config.database()).await?;

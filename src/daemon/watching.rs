@@ -4,6 +4,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use tokio::sync::Semaphore;
@@ -55,6 +56,7 @@ pub(super) async fn run(shared: Shared, stop: CancellationToken) {
     };
     let limits = Limits { settle: config.settle, patience: config.patience };
     let watcher = Watcher::new(roots.clone(), vec![config.root.clone(), config.done()], limits, known);
+    tokio::spawn(feel_pulse(shared.clone(), watcher.steps(), stop.clone()));
     let Ok(events) = tokio::task::spawn_blocking(move || Events::start(&roots)).await else { return };
     let mut watching = Watching {
         shared,
@@ -73,6 +75,28 @@ pub(super) async fn run(shared: Shared, stop: CancellationToken) {
     }
 }
 
+/// How often it is looked whether a scan gets on.
+const PULSE: Duration = Duration::from_secs(1);
+
+/// Notes when the watcher last moved: a scan may hang in a file system that does
+/// not answer, and cannot say so itself. Counted in looks, so that no jump of the
+/// clock is taken for a standstill.
+async fn feel_pulse(shared: Shared, steps: Arc<AtomicU64>, stop: CancellationToken) {
+    let mut last = 0;
+    while !stop.is_cancelled() {
+        let now = steps.load(Ordering::Relaxed);
+        shared.update_health(|health| {
+            let moves = !health.scanning || now != last;
+            health.watcher_stands = if moves { 0 } else { health.watcher_stands + PULSE.as_secs() };
+        });
+        last = now;
+        tokio::select! {
+            () = tokio::time::sleep(PULSE) => {}
+            () = stop.cancelled() => {}
+        }
+    }
+}
+
 impl Watching {
     /// One scan and what follows from it. Returns the time to the next, or
     /// nothing where the scan itself failed for good.
@@ -86,6 +110,7 @@ impl Watching {
         }
         let now = self.shared.clock.now();
         let watcher = &mut self.watcher;
+        self.shared.update_health(|health| health.scanning = true);
         // A scan of tens of thousands of files takes some tens of milliseconds.
         let report = tokio::task::block_in_place(|| watcher.scan(now));
         self.revive(&report).await;
@@ -203,6 +228,7 @@ impl Watching {
         let refused: Vec<_> = report.waiting.iter().take(1000).cloned().collect();
         self.shared.update_health(|health| {
             health.started = true;
+            health.scanning = false;
             health.last_scan = now;
             health.watched = self.events.modes.clone();
             health.missing = report.missing.clone();

@@ -13,9 +13,10 @@ use crate::format::las::{Checked, LasError, LasFile};
 /// Opens an input. Where what can be read is kept, how much that is shows in
 /// [`leave_out`].
 pub fn open(path: &Path, damaged: Damaged, context: &Context) -> Result<LasFile> {
+    let links = context.disk.links();
     match damaged {
-        Damaged::Fail => LasFile::open(path).map_err(|error| explained(error, context)),
-        Damaged::Keep => Ok(LasFile::open_readable(path)?),
+        Damaged::Fail => LasFile::open_with(path, links).map_err(|error| explained(error, context)),
+        Damaged::Keep => Ok(LasFile::open_readable_with(path, links)?),
     }
 }
 
@@ -69,7 +70,7 @@ fn explained(error: LasError, context: &Context) -> StageError {
 
 /// Points that can be read, and those that are promised.
 fn readable(path: &Path, context: &Context) -> Result<(u64, u64)> {
-    let mut file = LasFile::open_readable(path)?;
+    let mut file = LasFile::open_readable_with(path, context.disk.links())?;
     context.progress.begin(Stage::Survey, file.header().points);
     leave_out_of(&mut file, context)?;
     Ok((file.header().points, file.header().points + file.header().missing))

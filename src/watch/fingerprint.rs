@@ -1,12 +1,11 @@
 //! What makes two jobs the same: the content of their inputs, in order, and the
 //! options that change the octree's bytes. Not the names, not the times.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
-use std::path::Path;
 
 use super::{FileStamp, Found};
+use crate::disk::others::{self, Links};
 use crate::job::Input;
 use crate::stage::options::Options;
 
@@ -42,7 +41,7 @@ pub fn fingerprint(found: &Found, options: &Options) -> Option<Fingerprint> {
 }
 
 fn input(file: &FileStamp) -> Option<Input> {
-    let hash = match hash(&file.path) {
+    let hash = match hash(file) {
         Ok(hash) => hash,
         // The conversion will fail on it and say why.
         Err(error) => {
@@ -58,8 +57,10 @@ fn input(file: &FileStamp) -> Option<Input> {
     })
 }
 
-fn hash(path: &Path) -> io::Result<String> {
-    let mut file = File::open(path)?;
+fn hash(stamp: &FileStamp) -> io::Result<String> {
+    let (file, _) = others::open_file(&stamp.path, Links::Refused)?;
+    // What grows as fast as it is read has changed, and need not be read to its end.
+    let mut file = file.take(stamp.size.saturating_add(1));
     let mut hasher = blake3::Hasher::new();
     let mut block = vec![0u8; 1 << 20];
     loop {
@@ -71,9 +72,9 @@ fn hash(path: &Path) -> io::Result<String> {
 }
 
 fn is_unchanged(file: &FileStamp) -> bool {
-    std::fs::metadata(&file.path).is_ok_and(|meta| {
+    others::look_at(&file.path, Links::Refused).is_ok_and(|meta| {
         let mtime_ns = meta.mtime().saturating_mul(1_000_000_000).saturating_add(meta.mtime_nsec());
-        meta.len() == file.size && mtime_ns == file.mtime_ns
+        meta.is_file() && meta.len() == file.size && mtime_ns == file.mtime_ns
     })
 }
 
@@ -96,6 +97,7 @@ pub enum Difference {
 mod tests {
     use super::*;
     use crate::stage::options::Sampling;
+    use std::path::Path;
 
     fn found(folder: &Path, files: &[(&str, &[u8])]) -> Found {
         let files = files

@@ -7,13 +7,14 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::config::sources::OnDone;
+use crate::disk::others::{self, Links};
 use crate::stage::options::Options;
 
 /// The marker's file name.
 pub const NAME: &str = "lodestone.json";
 
 /// No marker is longer; the file comes from anybody who may write to the inbox.
-const LONGEST: u64 = 1 << 20;
+const LONGEST: u64 = 64 << 10;
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -29,11 +30,8 @@ pub struct Marker {
 impl Marker {
     /// Reads a marker; the message says what is wrong with it.
     pub fn read(path: &Path) -> Result<Marker, String> {
-        let size = std::fs::metadata(path).map_err(|e| format!("{NAME} cannot be read: {e}"))?.len();
-        if size > LONGEST {
-            return Err(format!("{NAME} is {size} bytes long; at most {LONGEST} are read"));
-        }
-        let text = std::fs::read(path).map_err(|e| format!("{NAME} cannot be read: {e}"))?;
+        let text = others::read_file(path, Links::Refused, LONGEST)
+            .map_err(|e| format!("{NAME} cannot be read: {e}"))?;
         let marker: Marker = serde_json::from_slice(&text).map_err(|e| format!("{NAME} is wrong: {e}"))?;
         marker.options_over(&Options::default())?;
         Ok(marker)

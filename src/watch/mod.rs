@@ -21,8 +21,10 @@ mod writers;
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::clock::Millis;
 use marker::Marker;
@@ -57,8 +59,14 @@ pub struct Found {
 /// Something in a watched folder that is not taken, and why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Waiting {
+    #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
     pub why: String,
+}
+
+/// A path as text; names that are not UTF-8 are shown as well as can be.
+fn as_text<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
 }
 
 /// What a scan saw.
@@ -83,6 +91,8 @@ pub struct Watcher {
     sights: HashMap<PathBuf, Sight>,
     /// Stamps of what is in the queue already.
     known: HashMap<PathBuf, String>,
+    /// Counts what it has looked at, so that others see it move.
+    steps: Arc<AtomicU64>,
 }
 
 impl Watcher {
@@ -92,7 +102,12 @@ impl Watcher {
         limits: Limits,
         known: HashMap<PathBuf, String>,
     ) -> Watcher {
-        Watcher { roots, excluded, limits, sights: HashMap::new(), known }
+        Watcher { roots, excluded, limits, sights: HashMap::new(), known, steps: Arc::default() }
+    }
+
+    /// Rises while a scan gets on; for whoever asks whether it stands still.
+    pub fn steps(&self) -> Arc<AtomicU64> {
+        self.steps.clone()
     }
 
     /// Notes that a data set is in the queue, so that it is not found again
@@ -143,6 +158,7 @@ impl Watcher {
         quiet: &mut Vec<scan::Candidate>,
         report: &mut Report,
     ) {
+        self.steps.fetch_add(1, Ordering::Relaxed);
         let stamp = candidate.stamp();
         if self.known.get(&candidate.path) == Some(&stamp) {
             return;
@@ -163,6 +179,7 @@ impl Watcher {
     fn decide(&mut self, quiet: Vec<scan::Candidate>, now: Millis, report: &mut Report) {
         let written = if quiet.is_empty() { Default::default() } else { writers::open_for_writing() };
         for candidate in quiet {
+            self.steps.fetch_add(1, Ordering::Relaxed);
             let Some(sight) = self.sights.get_mut(&candidate.path) else { continue };
             let whole = match &sight.whole {
                 // Permissions change without the file changing.

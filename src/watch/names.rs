@@ -59,19 +59,30 @@ pub fn octree_name(path: &Path, is_folder: bool) -> String {
     plain(stem)
 }
 
-/// A name that is one component of a path and nothing else.
+/// Most file systems end at 255 bytes; some room for a number and a suffix.
+const LONGEST: usize = 200;
+
+/// A name that is one component of a path and nothing else. It never begins with a
+/// dot: such names are hidden, are not served, and some of them are ours.
 pub fn plain(name: &str) -> String {
-    let cleaned: String = name
-        .chars()
-        .map(|c| if c.is_control() || matches!(c, '/' | '\\' | '\0') { '_' } else { c })
-        .collect();
-    let cleaned = cleaned.trim().trim_start_matches('.').trim();
-    // Most file systems end at 255 bytes; some room for a number and a suffix.
-    let mut end = cleaned.len().min(200);
+    let cleaned: String =
+        name.chars().map(|c| if is_invisible(c) || matches!(c, '/' | '\\') { '_' } else { c }).collect();
+    // Dots and blanks in any mixture: a dot behind a blank would begin the name.
+    let cleaned = cleaned.trim_start_matches(|c: char| c == '.' || c.is_whitespace());
+    let mut end = cleaned.len().min(LONGEST);
     while !cleaned.is_char_boundary(end) {
         end -= 1;
     }
-    if end == 0 { "unnamed".to_string() } else { cleaned[..end].trim_end().to_string() }
+    match cleaned[..end].trim_end() {
+        "" => "unnamed".to_string(),
+        name => name.to_string(),
+    }
+}
+
+/// Breaks lines, turns text around, or cannot be seen.
+fn is_invisible(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200B}' | '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
 }
 
 #[cfg(test)]
@@ -118,15 +129,58 @@ mod tests {
         }
     }
 
+    #[test]
+    fn dots_behind_blanks_do_not_begin_a_name() {
+        for (wished, name) in [
+            (" . .previews", "previews"),
+            (". .", "unnamed"),
+            (". .hid", "hid"),
+            (".\t.\n. .staged", "_._. .staged"),
+            ("\u{3000}.\u{a0}..x", "x"),
+            ("\u{feff}.bom", "_.bom"),
+            ("..", "unnamed"),
+            ("", "unnamed"),
+            ("a/../../b", "a_.._.._b"),
+            ("\u{202e}gnp", "_gnp"),
+        ] {
+            assert_eq!(plain(wished), name, "{wished:?}");
+        }
+    }
+
+    /// What holds of every name that leaves this room.
+    fn is_sound(name: &str) -> bool {
+        !name.is_empty()
+            && name.len() <= LONGEST
+            && !name.starts_with('.')
+            && name.trim() == name
+            && !name.contains(|c: char| c == '/' || c == '\\' || is_invisible(c))
+            && Path::new(name).components().count() == 1
+            && plain(name) == name
+    }
+
     proptest! {
         #[test]
-        fn no_name_leaves_the_folder(text in "\\PC*") {
-            let name = plain(&text);
-            prop_assert!(!name.is_empty() && name.len() <= 200);
-            prop_assert!(!name.contains(['/', '\\', '\0']) && !name.starts_with('.'));
-            prop_assert_eq!(Path::new(&name).components().count(), 1);
-            let path = Path::new("/in").join(format!("{}.laz", name));
-            octree_name(&path, false);
+        fn no_name_leaves_the_folder(text in ".*") {
+            prop_assert!(is_sound(&plain(&text)));
+        }
+
+        /// Dots, blanks and what looks like them, in any order.
+        #[test]
+        fn no_mixture_of_dots_and_blanks_hides(text in "[. \\t\u{a0}\u{3000}/\\\\a\0]{0,12}\\PC{0,3}") {
+            prop_assert!(is_sound(&plain(&text)), "{:?}", plain(&text));
+        }
+
+        /// Names of files are bytes.
+        #[test]
+        fn any_bytes_give_a_sound_name(
+            bytes in prop::collection::vec(any::<u8>(), 0..300),
+            is_folder in any::<bool>(),
+            ending in prop::sample::select(vec!["", ".las", ".LAZ", ".copc.laz", "ü.las"]),
+        ) {
+            use std::os::unix::ffi::OsStrExt;
+            let bytes = [bytes.as_slice(), ending.as_bytes()].concat();
+            let path = Path::new("/in").join(std::ffi::OsStr::from_bytes(&bytes));
+            prop_assert!(is_sound(&octree_name(&path, is_folder)));
         }
     }
 }

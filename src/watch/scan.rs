@@ -1,14 +1,15 @@
 //! One look at a watched folder: which data sets lie in it, by names and stats
-//! alone. Symbolic links that leave the folder are refused, for whoever may write
-//! to an inbox must not get at the rest of the machine through it.
+//! alone. Symbolic links are refused, for whoever may write to an inbox must not get
+//! at the rest of the machine through it.
 
-use std::fs;
 use std::io;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{FileType, Stat};
 
 use super::marker::{self, Marker};
 use super::{FileStamp, Found, Waiting, names};
+use crate::disk::others::{self, Links};
 
 /// How deep the tiles of a folder may lie.
 const DEEPEST: usize = 24;
@@ -67,18 +68,16 @@ impl Candidate {
 pub(super) fn scan(root: &Path, skip: &[PathBuf]) -> io::Result<Scanned> {
     let mut scanned = Scanned::default();
     let root = root.canonicalize()?;
-    for entry in fs::read_dir(&root)? {
-        let path = entry?.path();
+    for entry in others::list_folder(&root, Links::Refused)? {
+        let path = root.join(&entry.name);
         if skip.contains(&path) {
             continue;
         }
         let Some(name) = utf8_name(&path, &mut scanned.refused) else { continue };
-        match metadata(&root, &path) {
-            Ok(meta) if meta.is_dir() && !name.starts_with('.') => {
-                folder(&root, path, &mut scanned);
-            }
-            Ok(meta) if meta.is_file() && names::is_cloud(&name) => {
-                let files = vec![stamp_of(&path, &meta)];
+        match entry.kind {
+            FileType::Directory if !name.starts_with('.') => folder(path, &mut scanned),
+            FileType::RegularFile if names::is_cloud(&name) => {
+                let files = vec![stamp_of(&path, &entry.stat)];
                 scanned.candidates.push(Candidate {
                     path,
                     is_folder: false,
@@ -87,35 +86,27 @@ pub(super) fn scan(root: &Path, skip: &[PathBuf]) -> io::Result<Scanned> {
                     not_yet: None,
                 });
             }
-            Ok(_) => {}
-            Err(why) => refuse(&path, &name, why, &mut scanned.refused),
+            FileType::Directory | FileType::RegularFile => {}
+            other => refuse(&path, &name, no_file(other), &mut scanned.refused),
         }
     }
     scanned.candidates.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(scanned)
 }
 
-/// A folder is one data set, if there is a tile or a marker in it.
-fn folder(root: &Path, path: PathBuf, scanned: &mut Scanned) {
+/// A folder is one data set, if there is a tile in it.
+fn folder(path: PathBuf, scanned: &mut Scanned) {
     let mut candidate = Candidate { path, is_folder: true, files: vec![], marker: None, not_yet: None };
-    let marker_path = candidate.path.join(marker::NAME);
-    if marker_path.is_file() {
-        match Marker::read(&marker_path) {
-            Ok(marker) => candidate.marker = Some(marker),
-            // Its options would be lost; better to wait until it is mended.
-            Err(why) => candidate.not_yet = Some(why),
-        }
-    }
     let below = candidate.path.clone();
-    walk(root, &below, 0, &mut candidate, &mut scanned.refused);
+    walk(&below, 0, &mut candidate, &mut scanned.refused);
     candidate.files.sort_by(|a, b| a.path.cmp(&b.path));
     if !candidate.files.is_empty() {
         scanned.candidates.push(candidate);
     }
 }
 
-fn walk(root: &Path, folder: &Path, depth: usize, candidate: &mut Candidate, refused: &mut Vec<Waiting>) {
-    let entries = match fs::read_dir(folder) {
+fn walk(folder: &Path, depth: usize, candidate: &mut Candidate, refused: &mut Vec<Waiting>) {
+    let entries = match others::list_folder(folder, Links::Refused) {
         Ok(entries) => entries,
         Err(e) => {
             candidate.not_yet = Some(format!("{} cannot be read: {e}", folder.display()));
@@ -123,42 +114,41 @@ fn walk(root: &Path, folder: &Path, depth: usize, candidate: &mut Candidate, ref
         }
     };
     for entry in entries {
-        // A file that vanished in this moment is seen, or not, by the next scan.
-        let Ok(entry) = entry else { continue };
-        let path = entry.path();
+        let path = folder.join(&entry.name);
         let Some(name) = utf8_name(&path, refused) else { continue };
-        match metadata(root, &path) {
-            Ok(meta) if meta.is_dir() && !name.starts_with('.') => {
-                // A folder behind a link would be walked twice, or for ever.
-                if depth < DEEPEST && !path.is_symlink() {
-                    walk(root, &path, depth + 1, candidate, refused);
-                }
+        if depth == 0 && name == marker::NAME {
+            match Marker::read(&path) {
+                Ok(marker) => candidate.marker = Some(marker),
+                // Its options would be lost; better to wait until it is mended.
+                Err(why) => candidate.not_yet = Some(why),
             }
-            Ok(meta) if meta.is_file() && names::is_cloud(&name) => {
-                candidate.files.push(stamp_of(&path, &meta))
+            continue;
+        }
+        match entry.kind {
+            FileType::Directory if !name.starts_with('.') && depth < DEEPEST => {
+                walk(&path, depth + 1, candidate, refused);
             }
-            Ok(meta) if meta.is_file() && names::is_partial_cloud(&name) => {
+            FileType::RegularFile if names::is_cloud(&name) => {
+                candidate.files.push(stamp_of(&path, &entry.stat));
+            }
+            FileType::RegularFile if names::is_partial_cloud(&name) => {
                 candidate.not_yet = Some(format!("{name} is still being written, by its name"));
             }
-            Ok(_) => {}
-            Err(why) => refuse(&path, &name, why, refused),
+            FileType::Directory | FileType::RegularFile => {}
+            other => refuse(&path, &name, no_file(other), refused),
         }
     }
 }
 
-/// The metadata of what a path leads to, unless it leads out of the root.
-fn metadata(root: &Path, path: &Path) -> Result<fs::Metadata, String> {
-    let plain = fs::symlink_metadata(path).map_err(|e| format!("cannot be read: {e}"))?;
-    if !plain.is_symlink() {
-        return Ok(plain);
+/// Why something that is neither file nor folder is not taken.
+fn no_file(kind: FileType) -> String {
+    match kind {
+        FileType::Symlink => {
+            "is a link, and links are not followed below a watched folder; copy the file, or watch its folder"
+        }
+        _ => "is not a plain file",
     }
-    let target = path.canonicalize().map_err(|e| format!("is a link that leads nowhere: {e}"))?;
-    if !target.starts_with(root) {
-        return Err(
-            "is a link that leaves the watched folder; copy the file, or watch its folder".to_string()
-        );
-    }
-    fs::metadata(path).map_err(|e| format!("cannot be read: {e}"))
+    .to_string()
 }
 
 fn refuse(path: &Path, name: &str, why: String, refused: &mut Vec<Waiting>) {
@@ -180,7 +170,7 @@ fn utf8_name(path: &Path, refused: &mut Vec<Waiting>) -> Option<String> {
     }
 }
 
-fn stamp_of(path: &Path, meta: &fs::Metadata) -> FileStamp {
-    let mtime_ns = meta.mtime().saturating_mul(1_000_000_000).saturating_add(meta.mtime_nsec());
-    FileStamp { path: path.to_path_buf(), size: meta.len(), mtime_ns }
+fn stamp_of(path: &Path, stat: &Stat) -> FileStamp {
+    let mtime_ns = stat.st_mtime.saturating_mul(1_000_000_000).saturating_add(stat.st_mtime_nsec as i64);
+    FileStamp { path: path.to_path_buf(), size: stat.st_size as u64, mtime_ns }
 }

@@ -2,11 +2,11 @@
 //! counts; LAZ: a chunk table that accounts for every byte. A copy that reserves
 //! the whole length first and fills it later ends in zeros, which no record does.
 
-use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::settle::Wholeness;
+use crate::disk::others::{self, Links};
 use crate::format::las::{LasFile, Slice};
 
 /// Judges one file.
@@ -37,7 +37,8 @@ pub(super) fn judge(path: &Path) -> Wholeness {
 /// What the first four bytes tell, where they decide.
 fn first_word(path: &Path) -> Option<Wholeness> {
     let mut magic = [0u8; 4];
-    match File::open(path).and_then(|mut file| file.read_exact(&mut magic)) {
+    let file = others::open_file(path, Links::Refused);
+    match file.and_then(|(mut file, _)| file.read_exact(&mut magic)) {
         Ok(()) => {}
         Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
             return Some(Wholeness::NotYet(format!("{} is shorter than a header", path.display())));

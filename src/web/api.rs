@@ -234,7 +234,10 @@ pub(super) async fn watch(Extract(shared): Extract<Shared>) -> Response {
     let watched: Vec<_> = health
         .watched
         .iter()
-        .map(|(path, mode)| json!({ "path": path, "mode": mode, "missing": health.missing.contains(path) }))
+        .map(|(path, mode)| {
+            let missing = health.missing.contains(path);
+            json!({ "path": path.to_string_lossy(), "mode": mode, "missing": missing })
+        })
         .collect();
     Json(json!({ "watched": watched, "waiting": health.waiting, "last_scan": health.last_scan }))
         .into_response()

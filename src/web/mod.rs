@@ -53,6 +53,10 @@ pub struct Health {
     /// Why the queue did not answer, where it does not.
     pub queue_error: Option<String>,
     pub last_scan: Millis,
+    /// Whether a scan is under way.
+    pub scanning: bool,
+    /// For how many seconds it has not got on.
+    pub watcher_stands: u64,
     pub watched: Vec<(PathBuf, Mode)>,
     pub missing: Vec<PathBuf>,
     pub waiting: Vec<Waiting>,

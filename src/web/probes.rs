@@ -10,20 +10,36 @@ use axum::extract::State as Extract;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-use super::Shared;
+use super::{Health, Shared};
 use crate::clock::Millis;
 
 /// A wheel that has not turned for so long hangs, in milliseconds. The engine
 /// turns every second at least.
 const STUCK: Millis = 60_000;
 
-/// Alive: the engine's wheel turns.
+/// A scan that has not got on for so many seconds hangs: no file that is looked at
+/// takes that long, but a file system that does not answer does.
+const WATCHER_STUCK: u64 = 120;
+
+/// Which of the daemon's loops hangs, if one does.
+fn stuck(health: &Health, now: Millis) -> Option<String> {
+    let idle = now - health.last_tick;
+    if !health.started || health.stopping {
+        None
+    } else if idle > STUCK {
+        Some(format!("the engine has not turned for {} s", idle / 1000))
+    } else if health.watcher_stands > WATCHER_STUCK {
+        let seconds = health.watcher_stands;
+        Some(format!("the watcher has stood still for {seconds} s, perhaps at a disk that does not answer"))
+    } else {
+        None
+    }
+}
+
+/// Alive: the engine's wheel turns, and the watcher gets on.
 pub(super) async fn healthz(Extract(shared): Extract<Shared>) -> Response {
-    let health = shared.health();
-    let idle = shared.clock.now() - health.last_tick;
-    if health.started && !health.stopping && idle > STUCK {
-        let text = format!("stuck: the engine has not turned for {} s\n", idle / 1000);
-        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
+    if let Some(why) = stuck(&shared.health(), shared.clock.now()) {
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("stuck: {why}\n")).into_response();
     }
     (StatusCode::OK, "ok\n").into_response()
 }
@@ -38,6 +54,7 @@ pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
     if health.stopping {
         reasons.push("stopping".to_string());
     }
+    reasons.extend(stuck(&health, shared.clock.now()));
     reasons.extend(health.queue_error);
     reasons.extend(health.missing.iter().map(|path| format!("{} is not there", path.display())));
     if reasons.is_empty() {
@@ -96,4 +113,22 @@ fn bytes_below(folder: &Path, depth: u32) -> u64 {
         _ => 0,
     });
     bytes.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loop_that_hangs_is_named() {
+        let well = Health { started: true, last_tick: 1_000_000, ..Health::default() };
+        let now = well.last_tick + STUCK;
+        assert_eq!(stuck(&well, now), None);
+        assert!(stuck(&well, now + 1).is_some_and(|why| why.contains("engine")));
+        let hangs = Health { scanning: true, watcher_stands: WATCHER_STUCK + 1, ..well };
+        assert!(stuck(&hangs, now).is_some_and(|why| why.contains("watcher")));
+        for calm in [Health { stopping: true, ..hangs.clone() }, Health { started: false, ..hangs.clone() }] {
+            assert_eq!(stuck(&calm, now), None);
+        }
+    }
 }

@@ -90,7 +90,7 @@ impl Looked {
 
     pub fn open(&self, entry: &Entry) -> Result<File, Errno> {
         let (folder, name) = self.place(&entry.path)?;
-        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
         openat(&folder, &name, flags, Mode::empty()).map(File::from)
     }
 }

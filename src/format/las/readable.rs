@@ -15,6 +15,7 @@ use super::reader::Body;
 use super::stream::SKIP;
 use super::turnstile::Turnstile;
 use super::{LasError, LasFile, Reading};
+use crate::disk::others::Links;
 
 /// Lost chunks that are named one by one.
 const MOST_NAMED: usize = 10;
@@ -38,7 +39,12 @@ impl LasFile {
     /// Opens what there is of a file, cut or not. How many points that is is
     /// only known once [`LasFile::leave_out_damaged`] has been through them.
     pub fn open_readable(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Readable)
+        LasFile::open_readable_with(path, Links::Followed)
+    }
+
+    /// The same; links may be refused, as below a watched folder.
+    pub fn open_readable_with(path: &Path, links: Links) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, Reading::Readable, links)
     }
 
     /// Decodes a LAZ file to the end, leaves out what cannot be, and notes it.

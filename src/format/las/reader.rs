@@ -18,6 +18,7 @@ use super::stream::Broken;
 use super::turnstile::Turnstile;
 use super::vlr::{self, Vlr};
 use super::{Reading, crs, extra_bytes};
+use crate::disk::others::Links;
 
 /// Decoded bytes of a slice at most, however many points were asked for.
 const MOST_SLICE: u64 = 128 << 20;
@@ -63,17 +64,22 @@ pub(super) enum Body {
 
 impl LasFile {
     pub fn open(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Whole)
+        LasFile::open_with(path, Links::Followed)
     }
 
-    /// Opens a file that may still be on its way: quickly, and without the
-    /// lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
+    /// The same; links may be refused, as below a watched folder.
+    pub fn open_with(path: &Path, links: Links) -> Result<LasFile, LasError> {
+        LasFile::open_as(path, Reading::Whole, links)
+    }
+
+    /// Opens a file in a watched folder, which may still be on its way: quickly,
+    /// through no link, and without the lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
     pub fn open_strictly(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Strict)
+        LasFile::open_as(path, Reading::Strict, Links::Refused)
     }
 
-    pub(super) fn open_as(path: &Path, reading: Reading) -> Result<LasFile, LasError> {
-        let source = Arc::new(Source::open(path)?);
+    pub(super) fn open_as(path: &Path, reading: Reading, links: Links) -> Result<LasFile, LasError> {
+        let source = Arc::new(Source::open(path, links)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = records(&source, &front, &mut notes)?;

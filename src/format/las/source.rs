@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::error::LasError;
+use crate::disk::others::{self, Links};
 
 /// Handles that all sources together keep open. A data set may have more tiles
 /// than a process may have files; those beyond are opened for each read.
@@ -22,6 +23,7 @@ static KEPT: AtomicUsize = AtomicUsize::new(0);
 pub struct Source {
     kept: Option<Kept>,
     path: PathBuf,
+    links: Links,
     opened: Identity,
 }
 
@@ -68,14 +70,13 @@ impl Identity {
 }
 
 impl Source {
-    pub fn open(path: &Path) -> Result<Source, LasError> {
-        // Before it is opened: opening a pipe waits for its writer.
-        if !std::fs::metadata(path).map_err(|e| LasError::io("open", path, e))?.is_file() {
-            return Err(LasError::not_las(path, "it is not a file"));
-        }
-        let file = File::open(path).map_err(|e| LasError::io("open", path, e))?;
-        let metadata = file.metadata().map_err(|e| LasError::io("look at", path, e))?;
-        Ok(Source { kept: Kept::new(file), path: path.to_path_buf(), opened: Identity::of(&metadata) })
+    pub fn open(path: &Path, links: Links) -> Result<Source, LasError> {
+        let (file, metadata) = others::open_file(path, links).map_err(|error| match error.kind() {
+            io::ErrorKind::InvalidInput => LasError::not_las(path, &error.to_string()),
+            _ => LasError::io("open", path, error),
+        })?;
+        let opened = Identity::of(&metadata);
+        Ok(Source { kept: Kept::new(file), path: path.to_path_buf(), links, opened })
     }
 
     /// A second handle on the same file.
@@ -84,7 +85,8 @@ impl Source {
             Some(Kept(file)) => Some(file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?),
             None => None,
         };
-        Ok(Source { kept: file.and_then(Kept::new), path: self.path.clone(), opened: self.opened })
+        let kept = file.and_then(Kept::new);
+        Ok(Source { kept, path: self.path.clone(), links: self.links, opened: self.opened })
     }
 
     /// Reads by the handle that is kept, or by one for this read alone.
@@ -98,11 +100,7 @@ impl Source {
         if let Some(Kept(file)) = &self.kept {
             return read(file);
         }
-        let file = File::open(&self.path).map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound => self.changed("it was removed or renamed"),
-            _ => LasError::io("open", &self.path, error),
-        })?;
-        let now = file.metadata().map_err(|e| LasError::io("look at", &self.path, e))?;
+        let (file, now) = others::open_file(&self.path, self.links).map_err(|e| self.gone("open", e))?;
         if (now.dev(), now.ino()) != (self.opened.device, self.opened.inode) {
             return Err(self.changed("another file took its place"));
         }
@@ -136,13 +134,8 @@ impl Source {
     pub fn check_unchanged(&self) -> Result<(), LasError> {
         // By its path, too: a file that was replaced lives on behind the
         // handle, but it is no longer what the user means.
-        let now = match std::fs::metadata(&self.path) {
-            Ok(metadata) => Identity::of(&metadata),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                return Err(self.changed("it was removed or renamed"));
-            }
-            Err(error) => return Err(LasError::io("look at", &self.path, error)),
-        };
+        let now = others::look_at(&self.path, self.links).map_err(|e| self.gone("look at", e))?;
+        let now = Identity::of(&now);
         let then = self.opened;
         if now.bytes != then.bytes {
             return Err(self.changed(&format!("it had {} bytes and now has {}", then.bytes, now.bytes)));
@@ -154,6 +147,15 @@ impl Source {
             return Err(self.changed("somebody wrote to it"));
         }
         Ok(())
+    }
+
+    /// Why what was a file when it was opened is none any more.
+    fn gone(&self, action: &'static str, error: io::Error) -> LasError {
+        match error.kind() {
+            io::ErrorKind::NotFound => self.changed("it was removed or renamed"),
+            io::ErrorKind::InvalidInput => self.changed(&format!("something took its place: {error}")),
+            _ => LasError::io(action, &self.path, error),
+        }
     }
 
     fn changed(&self, reason: &str) -> LasError {
