@@ -66,7 +66,14 @@ async fn queue(folder: &Path, jobs: i64) -> Result<(), Box<dyn Error>> {
 
 fn arrival(number: i64) -> Arrival {
     let path = PathBuf::from(format!("/in/cloud {number}.laz"));
-    let input = Input { path: path.clone(), size: 1 << 20, mtime_ns: number, hash: format!("{number:064x}") };
+    let input = Input {
+        path: path.clone(),
+        size: 1 << 20,
+        mtime_ns: number,
+        hash: format!("{number:064x}"),
+        inode: 0,
+        ctime_ns: 0,
+    };
     Arrival {
         path,
         kind: Kind::File,

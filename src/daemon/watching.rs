@@ -225,7 +225,10 @@ impl Watching {
             let folders = self.events.modes.iter().filter(|(_, m)| *m == mode).count();
             metrics.watched_folders.with_label_values(&[name]).set(folders as i64);
         }
-        let refused: Vec<_> = report.waiting.iter().take(1000).cloned().collect();
+        let mut refused = report.waiting.clone();
+        // What moves comes first, should there be too many.
+        refused.sort_by_key(|waiting| !waiting.kind.may_pass());
+        refused.truncate(1000);
         self.shared.update_health(|health| {
             health.started = true;
             health.scanning = false;

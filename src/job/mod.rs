@@ -26,6 +26,24 @@ pub struct Input {
     pub mtime_ns: i64,
     /// BLAKE3 of the content, in hex; empty where it could not be read.
     pub hash: String,
+    /// The file's number on its file system; zero where it is not known.
+    #[serde(default)]
+    pub inode: u64,
+    /// When anything of it changed last, in nanoseconds since 1970; zero where it
+    /// is not known.
+    #[serde(default)]
+    pub ctime_ns: i64,
+}
+
+impl Input {
+    /// Whether a file of this size, with these times and this number, is the one
+    /// that was taken in, as far as can be told without reading it.
+    pub fn is(&self, size: u64, mtime_ns: i64, inode: u64, ctime_ns: i64) -> bool {
+        self.size == size
+            && self.mtime_ns == mtime_ns
+            && (self.inode == 0 || self.inode == inode)
+            && (self.ctime_ns == 0 || self.ctime_ns == ctime_ns)
+    }
 }
 
 /// What an operator wants of a running job; the engine's next tick reads it.
@@ -95,6 +113,15 @@ pub struct Job {
     /// The inode of its converted octree, while that waits to be published.
     #[serde(skip)]
     pub staged: Option<u64>,
+    /// What tells its octree from anything else under its name.
+    #[serde(skip)]
+    pub octree: Option<String>,
+    /// Why its sources are never put away, where there is doubt about them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<String>,
+    /// Why it cannot be converted as it was meant to be.
+    #[serde(skip)]
+    pub refusal: Option<String>,
     /// The job that published something newer under the same name.
     pub superseded_by: Option<JobId>,
     /// What the conversion reported, as the converter wrote it.

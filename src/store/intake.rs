@@ -277,15 +277,20 @@ async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64
 async fn replace_inputs(tx: &mut Tx, job: JobId, inputs: &[Input]) -> Result<()> {
     sqlx::query("DELETE FROM job_input WHERE job = ?").bind(job).execute(&mut **tx).await?;
     for (ord, input) in inputs.iter().enumerate() {
-        sqlx::query("INSERT INTO job_input (job, ord, path, size, mtime_ns, hash) VALUES (?, ?, ?, ?, ?, ?)")
-            .bind(job)
-            .bind(ord as i64)
-            .bind(&*input.path.to_string_lossy())
-            .bind(i64::try_from(input.size).unwrap_or(i64::MAX))
-            .bind(input.mtime_ns)
-            .bind(&input.hash)
-            .execute(&mut **tx)
-            .await?;
+        sqlx::query(
+            "INSERT INTO job_input (job, ord, path, size, mtime_ns, hash, inode, ctime_ns) \
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        )
+        .bind(job)
+        .bind(ord as i64)
+        .bind(&*input.path.to_string_lossy())
+        .bind(i64::try_from(input.size).unwrap_or(i64::MAX))
+        .bind(input.mtime_ns)
+        .bind(&input.hash)
+        .bind(input.inode as i64)
+        .bind(input.ctime_ns)
+        .execute(&mut **tx)
+        .await?;
     }
     Ok(())
 }

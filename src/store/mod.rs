@@ -72,6 +72,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (2, "control", include_str!("../../migrations/0002_control.sql")),
     (3, "units", include_str!("../../migrations/0003_units.sql")),
     (4, "preview", include_str!("../../migrations/0004_preview.sql")),
+    (5, "sources", include_str!("../../migrations/0005_sources.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must

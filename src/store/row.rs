@@ -38,6 +38,9 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
         updated_at: row.try_get("updated_at")?,
         finished_at: row.try_get("finished_at")?,
         staged: Some(row.try_get::<i64, _>("staged")? as u64).filter(|inode| *inode != 0),
+        octree: row.try_get("octree")?,
+        doubt: row.try_get("doubt")?,
+        refusal: row.try_get("refusal")?,
         superseded_by: row.try_get("superseded_by")?,
         result: result.and_then(|text| serde_json::from_str(&text).ok()),
         content_key: row.try_get("content_key")?,
@@ -51,5 +54,7 @@ pub(super) fn input(row: &SqliteRow) -> Result<Input> {
         size: row.try_get::<i64, _>("size")? as u64,
         mtime_ns: row.try_get("mtime_ns")?,
         hash: row.try_get("hash")?,
+        inode: row.try_get::<i64, _>("inode")? as u64,
+        ctime_ns: row.try_get("ctime_ns")?,
     })
 }

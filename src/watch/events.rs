@@ -149,6 +149,14 @@ fn is_remote(root: &Path) -> bool {
     rustix::fs::statfs(root).is_ok_and(|stat| REMOTE.contains(&(stat.f_type as u64 & 0xFFFF_FFFF)))
 }
 
+/// Whether a file keeps its inode's number here as long as it is there. Where
+/// others give the numbers out, they may change whenever it is mounted.
+pub(super) fn has_inodes(root: &Path) -> bool {
+    const OVERLAY: u64 = 0x794C_7630;
+    let is_overlay = rustix::fs::statfs(root).is_ok_and(|stat| stat.f_type as u64 & 0xFFFF_FFFF == OVERLAY);
+    !is_remote(root) && !is_overlay
+}
+
 /// Makes a file and listens for it; nothing is told where we may not write.
 fn self_test(root: &Path, hints: &Hints) -> Option<bool> {
     let path = root.join(format!(".lodestone-self-test-{}", std::process::id()));

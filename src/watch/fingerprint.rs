@@ -2,10 +2,13 @@
 //! options that change the octree's bytes. Not the names, not the times.
 
 use std::io::{self, Read};
-use std::os::unix::fs::MetadataExt;
 
+use super::settle::NotYet;
+use super::waiting::Kind;
+use super::zeros::ZeroRun;
 use super::{FileStamp, Found};
 use crate::disk::others::{self, Links};
+use crate::format::las::Layout;
 use crate::job::Input;
 use crate::stage::options::Options;
 
@@ -17,17 +20,22 @@ const FORMAT: &str = "lodestone octree 1";
 pub struct Fingerprint {
     pub content_key: String,
     pub inputs: Vec<Input>,
+    /// Why it may not be whole, though its headers say so.
+    pub hollow: Option<NotYet>,
 }
 
 /// Reads all files of a data set. Nothing is returned where one changed
 /// meanwhile: then it is not quiet, and the watcher will see that.
 pub fn fingerprint(found: &Found, options: &Options) -> Option<Fingerprint> {
-    let inputs: Option<Vec<Input>> = found.files.iter().map(input).collect();
-    let inputs = inputs?;
+    let read: Option<Vec<(Input, Option<NotYet>)>> = found.files.iter().map(input).collect();
+    let (inputs, gaps): (Vec<Input>, Vec<Option<NotYet>>) = read?.into_iter().unzip();
     let mut hasher = blake3::Hasher::new();
     hasher.update(FORMAT.as_bytes());
     // Field order makes the JSON of equal options equal.
     hasher.update(serde_json::to_string(options).unwrap_or_default().as_bytes());
+    if let Some(refusal) = &found.refusal {
+        hasher.update(refusal.as_bytes());
+    }
     for input in &inputs {
         hasher.update(&input.size.to_le_bytes());
         hasher.update(input.hash.as_bytes());
@@ -37,44 +45,80 @@ pub fn fingerprint(found: &Found, options: &Options) -> Option<Fingerprint> {
             hasher.update(&input.mtime_ns.to_le_bytes());
         }
     }
-    Some(Fingerprint { content_key: hasher.finalize().to_hex().to_string(), inputs })
+    let hollow = gaps.into_iter().flatten().next();
+    Some(Fingerprint { content_key: hasher.finalize().to_hex().to_string(), inputs, hollow })
 }
 
-fn input(file: &FileStamp) -> Option<Input> {
-    let hash = match hash(file) {
-        Ok(hash) => hash,
+fn input(file: &FileStamp) -> Option<(Input, Option<NotYet>)> {
+    let (hash, gap) = match hash(file) {
+        Ok(read) => read,
         // The conversion will fail on it and say why.
         Err(error) => {
             tracing::warn!(path = %file.path.display(), %error, "cannot be read");
-            String::new()
+            (String::new(), None)
         }
     };
-    is_unchanged(file).then(|| Input {
+    let input = Input {
         path: file.path.clone(),
         size: file.size,
         mtime_ns: file.mtime_ns,
         hash,
-    })
+        inode: file.inode,
+        ctime_ns: file.ctime_ns,
+    };
+    is_unchanged(&input).then_some((input, gap))
 }
 
-fn hash(stamp: &FileStamp) -> io::Result<String> {
+/// Reads a file once: for its hash, and for points that are nothing but zeros.
+fn hash(stamp: &FileStamp) -> io::Result<(String, Option<NotYet>)> {
     let (file, _) = others::open_file(&stamp.path, Links::Refused)?;
+    let mut zeros = Layout::read(&file).map(|layout| ZeroRun::new(layout, stamp.size));
     // What grows as fast as it is read has changed, and need not be read to its end.
     let mut file = file.take(stamp.size.saturating_add(1));
     let mut hasher = blake3::Hasher::new();
     let mut block = vec![0u8; 1 << 20];
     loop {
-        match file.read(&mut block)? {
-            0 => return Ok(hasher.finalize().to_hex().to_string()),
-            read => hasher.update(&block[..read]),
-        };
+        let read = fill(&mut file, &mut block)?;
+        if read == 0 {
+            break;
+        }
+        hasher.update(&block[..read]);
+        if let Some(zeros) = &mut zeros {
+            zeros.feed(&block[..read]);
+        }
     }
+    let gap = zeros.and_then(|zeros| zeros.found()).map(|run| {
+        NotYet::new(
+            Kind::Zeros,
+            format!(
+                "{} has nothing but zeros where points should be, from byte {} to {}, as of a copy that goes on",
+                stamp.path.display(),
+                run.start,
+                run.end
+            ),
+        )
+    });
+    Ok((hasher.finalize().to_hex().to_string(), gap))
 }
 
-fn is_unchanged(file: &FileStamp) -> bool {
-    others::look_at(&file.path, Links::Refused).is_ok_and(|meta| {
-        let mtime_ns = meta.mtime().saturating_mul(1_000_000_000).saturating_add(meta.mtime_nsec());
-        meta.is_file() && meta.len() == file.size && mtime_ns == file.mtime_ns
+/// Reads a whole block, or what is left.
+fn fill(file: &mut impl Read, block: &mut [u8]) -> io::Result<usize> {
+    let mut filled = 0;
+    while filled < block.len() {
+        match file.read(&mut block[filled..]) {
+            Ok(0) => break,
+            Ok(read) => filled += read,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(filled)
+}
+
+fn is_unchanged(then: &Input) -> bool {
+    others::look_at(&then.path, Links::Refused).is_ok_and(|meta| {
+        let now = FileStamp::new(&then.path, &meta);
+        meta.is_file() && then.is(now.size, now.mtime_ns, now.inode, now.ctime_ns)
     })
 }
 
@@ -83,8 +127,7 @@ pub fn difference(input: &Input) -> Option<Difference> {
     if !input.path.exists() {
         return Some(Difference::Missing);
     }
-    let then = FileStamp { path: input.path.clone(), size: input.size, mtime_ns: input.mtime_ns };
-    (!is_unchanged(&then)).then_some(Difference::Changed)
+    (!is_unchanged(input)).then_some(Difference::Changed)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,13 +148,21 @@ mod tests {
             .map(|(name, bytes)| {
                 let path = folder.join(name);
                 std::fs::write(&path, bytes).expect("written");
-                let meta = std::fs::metadata(&path).expect("there");
-                let mtime_ns = meta.mtime() * 1_000_000_000 + meta.mtime_nsec();
-                FileStamp { path, size: meta.len(), mtime_ns }
+                FileStamp::new(&path, &std::fs::metadata(&path).expect("there"))
             })
             .collect();
         let (path, name, stamp) = (folder.to_path_buf(), String::new(), String::new());
-        Found { path, is_folder: true, name, files, stamp, marker: None, points: 0 }
+        Found {
+            path,
+            is_folder: true,
+            name,
+            files,
+            stamp,
+            marker: None,
+            points: 0,
+            doubt: None,
+            refusal: None,
+        }
     }
 
     #[test]

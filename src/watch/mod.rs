@@ -12,23 +12,27 @@
 
 pub mod events;
 pub mod fingerprint;
+mod foreign;
 pub mod marker;
 pub mod names;
 mod scan;
 pub mod settle;
+pub mod waiting;
 mod whole;
 mod writers;
+mod zeros;
 
 use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use serde::{Serialize, Serializer};
-
 use crate::clock::Millis;
 use marker::Marker;
-use settle::{Decision, Limits, Sight, Wholeness};
+use settle::{Decision, Limits, NotYet, Sight, Wholeness};
+use waiting::{Kind, Waiting};
 
 /// What a file looked like, without opening it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,6 +42,24 @@ pub struct FileStamp {
     pub size: u64,
     /// Nanoseconds since 1970.
     pub mtime_ns: i64,
+    /// The file's number on its file system; zero where such numbers do not last.
+    pub inode: u64,
+    /// When anything of it changed last, its name among it; in nanoseconds since
+    /// 1970. Nobody can set it, as one can the other time.
+    pub ctime_ns: i64,
+}
+
+impl FileStamp {
+    pub fn new(path: &Path, meta: &fs::Metadata) -> FileStamp {
+        let ns = |seconds: i64, nanos: i64| seconds.saturating_mul(1_000_000_000).saturating_add(nanos);
+        FileStamp {
+            path: path.to_path_buf(),
+            size: meta.len(),
+            mtime_ns: ns(meta.mtime(), meta.mtime_nsec()),
+            inode: meta.ino(),
+            ctime_ns: ns(meta.ctime(), meta.ctime_nsec()),
+        }
+    }
 }
 
 /// A data set that is quiet and whole (or will not get whole any more).
@@ -54,19 +76,10 @@ pub struct Found {
     pub marker: Option<Marker>,
     /// Points that the headers claim.
     pub points: u64,
-}
-
-/// Something in a watched folder that is not taken, and why.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Waiting {
-    #[serde(serialize_with = "as_text")]
-    pub path: PathBuf,
-    pub why: String,
-}
-
-/// A path as text; names that are not UTF-8 are shown as well as can be.
-fn as_text<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&path.to_string_lossy())
+    /// Why it may not be whole, though its time was up: its sources stay.
+    pub doubt: Option<String>,
+    /// Why it cannot be converted as it was meant to be.
+    pub refusal: Option<String>,
 }
 
 /// What a scan saw.
@@ -122,6 +135,14 @@ impl Watcher {
         self.known.remove(path);
     }
 
+    /// Notes why a data set is not whole after all, as reading all of it showed; it
+    /// gets patience then, if it is still the same.
+    pub fn doubt(&mut self, path: &Path, stamp: &str, not_yet: NotYet) {
+        if let Some(sight) = self.sights.get_mut(path).filter(|sight| sight.is(stamp)) {
+            sight.whole = Some(Wholeness::NotYet(not_yet));
+        }
+    }
+
     /// Looks at every watched folder once.
     pub fn scan(&mut self, now: Millis) -> Report {
         let mut report = Report::default();
@@ -160,16 +181,19 @@ impl Watcher {
     ) {
         self.steps.fetch_add(1, Ordering::Relaxed);
         let stamp = candidate.stamp();
-        if self.known.get(&candidate.path) == Some(&stamp) {
+        if let Some(known) = self.known.get(&candidate.path)
+            && (*known == stamp || candidate.old_stamp().as_ref() == Some(known))
+        {
             return;
         }
         let sight = self.sights.entry(candidate.path.clone()).or_insert_with(|| Sight::new(&stamp, now));
         sight.see(&stamp, now);
-        match settle::is_quiet(sight, candidate.marker.is_some(), now, &self.limits) {
+        match settle::is_quiet(sight, candidate.is_closed(), now, &self.limits) {
             Ok(()) => quiet.push(candidate),
             Err(why) => {
                 report.unsettled = true;
-                report.waiting.push(Waiting { path: candidate.path, why });
+                let waiting = Waiting::new(&candidate.path, Kind::Settling, why).since(sight.since());
+                report.waiting.push(Waiting { bytes: Some(candidate.bytes()), ..waiting });
             }
         }
     }
@@ -188,10 +212,16 @@ impl Watcher {
             };
             let writer = candidate.files.iter().any(|file| written.contains(&file.path));
             match settle::decide(sight, &whole, writer, now, &self.limits) {
-                Decision::Take { points } => report.found.push(candidate.into_found(points)),
-                Decision::Wait(why) => {
+                Decision::Take { points, doubt } => report.found.push(candidate.into_found(points, doubt)),
+                Decision::Wait(NotYet { kind, why, progress }) => {
                     report.unsettled = true;
-                    report.waiting.push(Waiting { path: candidate.path, why });
+                    let (bytes, expected) = progress.unwrap_or((candidate.bytes(), None));
+                    let why = match expected {
+                        Some(expected) => format!("{why}; {}", waiting::arrived(bytes, expected)),
+                        None => why,
+                    };
+                    let waiting = Waiting::new(&candidate.path, kind, why).since(sight.since());
+                    report.waiting.push(Waiting { bytes: Some(bytes), expected_bytes: expected, ..waiting });
                 }
             }
         }
@@ -200,17 +230,29 @@ impl Watcher {
 
 /// Whether all files of a data set are whole.
 fn whole_of(candidate: &scan::Candidate) -> Wholeness {
-    if let Some(why) = &candidate.not_yet {
-        return Wholeness::NotYet(why.clone());
+    if let Some(why) = &candidate.unreadable {
+        return Wholeness::Unreadable(why.clone());
+    }
+    if !candidate.partials.is_empty() {
+        let why = format!("beside it lies {}", scan::under_way(candidate));
+        return Wholeness::NotYet(NotYet::new(Kind::Partial, why));
     }
     let mut points = 0u64;
     let mut broken = None;
     for file in &candidate.files {
         match whole::judge(&file.path) {
             Wholeness::Whole { points: more } => points = points.saturating_add(more),
-            not_now @ (Wholeness::NotYet(_) | Wholeness::Unreadable(_)) => return not_now,
+            Wholeness::NotYet(not_yet) => {
+                let progress = Some(whole::progress(&candidate.files));
+                return Wholeness::NotYet(NotYet { progress, ..not_yet });
+            }
+            unreadable @ Wholeness::Unreadable(_) => return unreadable,
             never @ Wholeness::Never(_) => broken = Some(never),
         }
+    }
+    // Its options would be lost; better to wait until it is mended.
+    if let Some(Err(why)) = candidate.marker.as_ref().map(|marker| &marker.read) {
+        return Wholeness::NotYet(NotYet::new(Kind::Marker, why.clone()));
     }
     broken.unwrap_or(Wholeness::Whole { points })
 }

@@ -1,11 +1,11 @@
-//! What names tell: which files are clouds, which are still being written, and
-//! what the octree of a data set is called.
+//! What names tell: which files are clouds, which are still being written, which
+//! are none of ours, and what the octree of a data set is called.
 
 use std::path::Path;
 
 /// Endings under which browsers, sync tools and people write what is not
 /// finished.
-const PARTIAL: [&str; 12] = [
+const PARTIAL: [&str; 21] = [
     ".part",
     ".partial",
     ".tmp",
@@ -15,26 +15,117 @@ const PARTIAL: [&str; 12] = [
     ".download",
     ".opdownload",
     ".!ut",
+    ".!qb",
+    ".!sync",
     ".aria2",
     ".swp",
+    ".gstmp",
+    ".cyberducksegment",
+    ".inprogress",
+    ".incomplete",
+    ".upload",
+    ".uploading",
+    ".lftp-pget-status",
     "~",
 ];
 
 /// Beginnings of the same.
 const PARTIAL_STARTS: [&str; 4] = [".", "~syncthing~", "~$", "__incomplete"];
 
+/// Folders in which a copy keeps files under their last names until they are
+/// whole, by a word in their hidden names: rsync's `.~tmp~`, `.rsync-partial`.
+const TRANSFER_FOLDERS: [&str; 5] = ["tmp", "temp", "part", "incomplete", "upload"];
+
+/// Files and folders that systems leave beside everybody's files.
+const JUNK: [&str; 17] = [
+    ".ds_store",
+    "thumbs.db",
+    "ehthumbs.db",
+    "desktop.ini",
+    "__macosx",
+    "@eadir",
+    ".appledouble",
+    ".appledb",
+    ".spotlight-v100",
+    ".trashes",
+    ".fseventsd",
+    ".temporaryitems",
+    ".directory",
+    "$recycle.bin",
+    "system volume information",
+    "lost+found",
+    ".@__thumb",
+];
+
+/// What follows a cloud's whole name and is not a copy's mark: `a.laz.md5`.
+const BESIDE: [&str; 12] = [
+    "md5sum",
+    "sha1sum",
+    "sha224",
+    "sha256",
+    "sha384",
+    "sha512",
+    "sha256sum",
+    "sha512sum",
+    "backup",
+    "metadata",
+    "properties",
+    "geojson",
+];
+
+/// Whether a file or folder is none of ours and none of the user's either: what
+/// macOS, Windows and network drives put beside everything.
+pub fn is_junk(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    JUNK.contains(&lower.as_str())
+        || lower.ends_with(":zone.identifier")
+        || lower.ends_with(":afp_afpinfo")
+        || lower.ends_with("@synoeastream")
+        || is_apple_double(&lower)
+}
+
+/// `._a.laz` is what macOS knows of `a.laz` besides its content. A copy of a
+/// file `_a.laz` on its way, `._a.laz.Qx7GhZ`, is something else.
+fn is_apple_double(lower: &str) -> bool {
+    let Some(owner) = lower.strip_prefix("._") else { return false };
+    !owner.is_empty() && !is_partial_cloud(owner)
+}
+
 /// Whether the name says that the file is not finished, or not meant for us.
 pub fn is_partial(name: &str) -> bool {
     let lower = name.to_lowercase();
     PARTIAL.iter().any(|end| lower.ends_with(end))
         || PARTIAL_STARTS.iter().any(|start| lower.starts_with(start))
+        || has_random_ending(&lower)
+}
+
+/// `a.laz.6eF38d5B`, as some tools that fetch from object stores name it.
+fn has_random_ending(lower: &str) -> bool {
+    let Some((cloud, end)) = lower.rsplit_once('.') else { return false };
+    (cloud.ends_with(".las") || cloud.ends_with(".laz"))
+        && (6..=12).contains(&end.len())
+        && end.bytes().all(|b| b.is_ascii_alphanumeric())
+        && !BESIDE.contains(&end)
 }
 
 /// Whether the name, without a partial ending, is that of a cloud: a folder
 /// that holds such a file is not complete yet.
 pub fn is_partial_cloud(name: &str) -> bool {
     let lower = name.to_lowercase();
-    is_partial(name) && (lower.contains(".las") || lower.contains(".laz"))
+    is_partial(name) && !is_junk(name) && (lower.contains(".las") || lower.contains(".laz"))
+}
+
+/// Whether a copy may have something of this name under way: a cloud by its
+/// name, or a partial ending that tells nothing of what it is to become.
+pub fn is_under_way(name: &str) -> bool {
+    is_partial_cloud(name) || (is_partial(name) && !name.starts_with('.') && !is_junk(name))
+}
+
+/// Whether a hidden folder is one that copies keep their files in until they
+/// are whole.
+pub fn is_transfer_folder(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    lower.starts_with('.') && TRANSFER_FOLDERS.iter().any(|word| lower.contains(word)) && !is_junk(name)
 }
 
 /// Whether the name is that of a LAS or LAZ file.
@@ -103,6 +194,8 @@ mod tests {
             "~$a.laz",
             "a.laz~",
             "A.LAZ.PART",
+            "a.laz.6eF38d5B",
+            "._a.laz.Qx7GhZ",
         ] {
             assert!(is_partial(name) && !is_cloud(name), "{name}");
             assert!(is_partial_cloud(name), "{name}");
@@ -110,8 +203,31 @@ mod tests {
         for name in ["a.las", "A.LAZ", "größe und maß.Laz", "b.copc.laz", "part.las"] {
             assert!(is_cloud(name), "{name}");
         }
-        for name in ["notes.txt", "las", ".las", "a.lasx", "a.laz.md5"] {
-            assert!(!is_cloud(name), "{name}");
+        for name in ["notes.txt", "las", "a.lasx", "a.laz.md5", "a.laz.sha256", "a.las.xml"] {
+            assert!(!is_cloud(name) && !is_under_way(name), "{name}");
+        }
+        assert!(!is_cloud(".las"));
+        assert!(is_under_way("upload.part") && !is_under_way(".sync.db"));
+        assert!(is_transfer_folder(".~tmp~") && !is_transfer_folder(".git") && !is_transfer_folder("tmp"));
+    }
+
+    #[test]
+    fn what_systems_leave_behind_is_nothing() {
+        for name in [
+            "._a.laz",
+            "._.DS_Store",
+            ".DS_Store",
+            "Thumbs.db",
+            "__MACOSX",
+            "a.las:Zone.Identifier",
+            "@eaDir",
+            "a.las@SynoEAStream",
+            "desktop.ini",
+        ] {
+            assert!(is_junk(name) && !is_cloud(name) && !is_under_way(name), "{name}");
+        }
+        for name in ["a.laz", "._a.laz.Qx7GhZ", ".a.laz.Qx7GhZ", "_.laz", "city", ".~tmp~"] {
+            assert!(!is_junk(name), "{name}");
         }
     }
 

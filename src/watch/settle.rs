@@ -3,11 +3,12 @@
 //!
 //! A data set is taken when its stamp (names, sizes and times of its files) has
 //! not changed for the settle time, was seen the same at least twice, nobody
-//! writes, and its files are whole by their own headers. A marker file takes the
-//! place of the settle time. What is quiet but not whole gets patience: a copy
-//! may pause for long. After that it is taken as it is, and the conversion says
-//! what is wrong with it.
+//! writes, and its files are whole by their own headers. A marker file that came
+//! after all others takes the place of the settle time. What is quiet but not whole
+//! gets patience: a copy may pause for long. After that it is taken as it is, with
+//! the doubt noted: what is in doubt is never put away, for its writer may go on.
 
+use super::waiting::Kind;
 use crate::clock::Millis;
 
 /// The times that decide, in milliseconds.
@@ -38,7 +39,7 @@ pub enum Wholeness {
         points: u64,
     },
     /// More may come.
-    NotYet(String),
+    NotYet(NotYet),
     /// No further bytes can make it whole.
     Never(String),
     /// Nobody can say, for we may not read it; that may change without any
@@ -46,10 +47,29 @@ pub enum Wholeness {
     Unreadable(String),
 }
 
+/// Why a data set is not whole.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NotYet {
+    pub kind: Kind,
+    pub why: String,
+    /// Bytes that are there, and that it is to have where its headers tell.
+    pub progress: Option<(u64, Option<u64>)>,
+}
+
+impl NotYet {
+    pub fn new(kind: Kind, why: impl Into<String>) -> NotYet {
+        NotYet { kind, why: why.into(), progress: None }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decision {
-    Take { points: u64 },
-    Wait(String),
+    Take {
+        points: u64,
+        /// Why it is not as it should be, and must not be put away.
+        doubt: Option<String>,
+    },
+    Wait(NotYet),
 }
 
 impl Sight {
@@ -67,14 +87,24 @@ impl Sight {
         self.last = now;
     }
 
+    /// Whether it is this that was seen last.
+    pub fn is(&self, stamp: &str) -> bool {
+        self.stamp == stamp
+    }
+
+    /// Since when it is as it is.
+    pub fn since(&self) -> Millis {
+        self.since
+    }
+
     fn quiet_for(&self, now: Millis) -> Millis {
         now - self.since
     }
 }
 
 /// Whether nothing changed for long enough; otherwise why it waits.
-pub fn is_quiet(sight: &Sight, marker: bool, now: Millis, limits: &Limits) -> Result<(), String> {
-    if marker {
+pub fn is_quiet(sight: &Sight, closed: bool, now: Millis, limits: &Limits) -> Result<(), String> {
+    if closed {
         return Ok(());
     }
     // Twice: a clock that jumps ahead between two scans must not pass for quiet.
@@ -91,16 +121,23 @@ pub fn is_quiet(sight: &Sight, marker: bool, now: Millis, limits: &Limits) -> Re
 /// Whether a quiet data set is taken.
 pub fn decide(sight: &Sight, whole: &Wholeness, writer: bool, now: Millis, limits: &Limits) -> Decision {
     match whole {
-        _ if writer => Decision::Wait("a program holds it open for writing".to_string()),
-        Wholeness::Whole { points } => Decision::Take { points: *points },
-        Wholeness::Never(_) => Decision::Take { points: 0 },
-        Wholeness::Unreadable(why) => Decision::Wait(why.clone()),
-        Wholeness::NotYet(_)
+        _ if writer => Decision::Wait(NotYet::new(Kind::Writing, "a program holds it open for writing")),
+        Wholeness::Whole { points } => Decision::Take { points: *points, doubt: None },
+        Wholeness::Never(why) => Decision::Take { points: 0, doubt: Some(why.clone()) },
+        Wholeness::Unreadable(why) => Decision::Wait(NotYet::new(Kind::Unreadable, why.clone())),
+        Wholeness::NotYet(not_yet)
             if sight.times >= 2 && sight.quiet_for(now) >= limits.patience.max(limits.settle) =>
         {
-            Decision::Take { points: 0 }
+            Decision::Take { points: 0, doubt: Some(not_yet.why.clone()) }
         }
-        Wholeness::NotYet(why) => Decision::Wait(format!("not whole yet: {why}")),
+        Wholeness::NotYet(not_yet) => {
+            let left = limits.patience.max(limits.settle) - sight.quiet_for(now);
+            let why = match not_yet.kind {
+                Kind::Marker => format!("{}; it is waited for {} s more", not_yet.why, seconds(left)),
+                _ => format!("not whole yet: {}", not_yet.why),
+            };
+            Decision::Wait(NotYet { why, ..not_yet.clone() })
+        }
     }
 }
 
@@ -129,6 +166,10 @@ mod tests {
         sight
     }
 
+    fn cut() -> Wholeness {
+        Wholeness::NotYet(NotYet::new(Kind::Incomplete, "cut"))
+    }
+
     #[test]
     fn one_look_is_never_enough_whatever_the_clock_says() {
         let mut sight = seen(&[0]);
@@ -151,7 +192,7 @@ mod tests {
     fn a_marker_takes_the_place_of_the_wait_but_not_of_wholeness() {
         let sight = seen(&[0]);
         assert!(taken(&sight, &WHOLE, false, true, 0));
-        assert!(!taken(&sight, &Wholeness::NotYet("cut".into()), false, true, 0));
+        assert!(!taken(&sight, &cut(), false, true, 0));
         assert!(!taken(&sight, &WHOLE, true, true, 0));
     }
 
@@ -159,9 +200,12 @@ mod tests {
     fn what_never_gets_whole_is_taken_at_once_and_what_may_get_patience() {
         let sight = seen(&[0, 5_000]);
         assert!(taken(&sight, &Wholeness::Never("no LAS".into()), false, false, 5_000));
-        let cut = Wholeness::NotYet("cut".into());
+        let cut = cut();
         assert!(!taken(&sight, &cut, false, false, 59_999));
-        assert!(taken(&sight, &cut, false, false, 60_000));
+        let Decision::Take { doubt, .. } = decide(&sight, &cut, false, 60_000, &LIMITS) else {
+            panic!("it waits")
+        };
+        assert!(doubt.is_some(), "and is never put away");
     }
 
     proptest! {
@@ -182,7 +226,7 @@ mod tests {
                 let whole = now >= end;
                 let sight = sight.get_or_insert_with(|| Sight::new(&stamp, now));
                 sight.see(&stamp, now);
-                let judged = if whole { WHOLE } else { Wholeness::NotYet("cut".into()) };
+                let judged = if whole { WHOLE } else { cut() };
                 if taken(sight, &judged, false, false, now) {
                     prop_assert!(whole, "taken at {} before the end at {}", now, end);
                     prop_assert!(now <= end + LIMITS.settle + 2 * step);

@@ -33,8 +33,8 @@ use crate::disk::Disk;
 use crate::metrics::Metrics;
 use crate::store::Store;
 use crate::store::board::Board;
-use crate::watch::Waiting;
 use crate::watch::events::Mode;
+use crate::watch::waiting::Waiting;
 
 pub use listener::Bounded;
 

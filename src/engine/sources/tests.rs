@@ -61,6 +61,8 @@ fn input(path: &Path) -> Input {
         size: meta.len(),
         mtime_ns: meta.mtime() * 1_000_000_000 + meta.mtime_nsec(),
         hash: blake3::hash(&fs::read(path).expect("readable")).to_hex().to_string(),
+        inode: meta.ino(),
+        ctime_ns: meta.ctime() * 1_000_000_000 + meta.ctime_nsec(),
     }
 }
 
