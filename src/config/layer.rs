@@ -28,6 +28,22 @@ pub struct Layer {
     /// A secret that API requests must bring (`Authorization: Bearer …`).
     #[arg(long, env = "LODESTONE_TOKEN", value_name = "SECRET", hide_env_values = true)]
     pub token: Option<String>,
+    /// A file that holds the token, instead of `token`.
+    #[arg(long, env = "LODESTONE_TOKEN_FILE", value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+    /// A second secret, whose bearer may look at everything and change nothing.
+    #[arg(long, env = "LODESTONE_READ_TOKEN", value_name = "SECRET", hide_env_values = true)]
+    pub read_token: Option<String>,
+    /// A file that holds it, instead of `read_token`.
+    #[arg(long, env = "LODESTONE_READ_TOKEN_FILE", value_name = "FILE")]
+    pub read_token_file: Option<PathBuf>,
+    /// Another name under which the API may be asked, as that of a proxy; may be given several
+    /// times, or as a list with commas.
+    #[arg(long, env = "LODESTONE_ALLOWED_HOSTS", value_name = "HOST", value_delimiter = ',')]
+    pub allowed_hosts: Vec<String>,
+    /// Where browsers find the daemon behind a proxy, as in https://example.com/lodestone.
+    #[arg(long, env = "LODESTONE_PUBLIC_URL", value_name = "URL")]
+    pub public_url: Option<String>,
     /// Let everybody who reaches the address read and control the queue.
     #[arg(long, env = "LODESTONE_OPEN_TO_NETWORK", num_args = 0..=1, default_missing_value = "true")]
     pub open_to_network: Option<bool>,
@@ -134,11 +150,29 @@ impl Layer {
 
     /// This layer, and where it is silent the other.
     pub fn over(self, other: Layer) -> Layer {
+        // A token and its file are one setting: the upper layer's word is the last on both.
+        let (token, token_file) = match (self.token, self.token_file) {
+            (None, None) => (other.token, other.token_file),
+            upper => upper,
+        };
+        let (read_token, read_token_file) = match (self.read_token, self.read_token_file) {
+            (None, None) => (other.read_token, other.read_token_file),
+            upper => upper,
+        };
         Layer {
             root: self.root.or(other.root),
             watch: if self.watch.is_empty() { other.watch } else { self.watch },
             listen: self.listen.or(other.listen),
-            token: self.token.or(other.token),
+            token,
+            token_file,
+            read_token,
+            read_token_file,
+            allowed_hosts: if self.allowed_hosts.is_empty() {
+                other.allowed_hosts
+            } else {
+                self.allowed_hosts
+            },
+            public_url: self.public_url.or(other.public_url),
             open_to_network: self.open_to_network.or(other.open_to_network),
             settle_seconds: self.settle_seconds.or(other.settle_seconds),
             patience_seconds: self.patience_seconds.or(other.patience_seconds),

@@ -5,19 +5,21 @@
 //! All is checked at start: a daemon that is left alone for a year must not find
 //! a wrong value in its eleventh month.
 
+pub mod access;
 pub mod age;
 pub mod hook;
 mod layer;
 pub mod size;
 pub mod sources;
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use crate::job::verdict::Policy;
 use crate::render::colour::ColorBy;
 use crate::stage::machine;
 use crate::stage::options::{Mode, Options};
+use access::{Access, PublicUrl, is_loopback};
 use hook::Hook;
 pub use layer::Layer;
 use size::Size;
@@ -53,7 +55,8 @@ pub struct Config {
     pub root: PathBuf,
     pub watch: Vec<PathBuf>,
     pub listen: SocketAddr,
-    pub token: Option<String>,
+    /// Tokens, allowed hosts and the public address.
+    pub access: Access,
     pub settle: i64,
     pub patience: i64,
     pub rescan: i64,
@@ -111,10 +114,8 @@ impl Config {
             )
         })?;
         let open = layer.open_to_network.unwrap_or(false);
-        if layer.token.as_deref().is_some_and(|token| token.trim().len() < 8) {
-            return Err(wrong("token", "a secret of fewer than 8 characters is none"));
-        }
-        if !is_loopback(listen.ip()) && layer.token.is_none() && !open {
+        let access = Access::from_layer(&layer)?;
+        if !is_loopback(listen.ip()) && access.token.is_none() && !open {
             let message = format!(
                 "{listen} can be reached from other machines, which could then read every octree and control \
                  the queue; give a `token`, or say `open_to_network` to allow it to everybody"
@@ -128,7 +129,7 @@ impl Config {
             root: layer.root.unwrap_or_else(|| PathBuf::from("lodestone-data")),
             watch: layer.watch,
             listen,
-            token: layer.token,
+            access,
             settle: millis("settle_seconds", layer.settle_seconds, 5.0)?,
             patience: millis("patience_seconds", layer.patience_seconds, 120.0)?,
             rescan: millis("rescan_seconds", layer.rescan_seconds, 30.0)?.max(100),
@@ -197,8 +198,13 @@ impl Config {
             root: Some(self.root.clone()),
             watch: self.watch.clone(),
             listen: Some(self.listen.to_string()),
-            token: self.token.as_ref().map(|_| "(set)".to_string()),
-            open_to_network: Some(!is_loopback(self.listen.ip()) && self.token.is_none()),
+            token: told(&self.access.token, &self.access.token_file),
+            token_file: self.access.token_file.clone(),
+            read_token: told(&self.access.read_token, &self.access.read_token_file),
+            read_token_file: self.access.read_token_file.clone(),
+            allowed_hosts: self.access.allowed_hosts.clone(),
+            public_url: self.access.public_url.as_ref().map(PublicUrl::text),
+            open_to_network: Some(!is_loopback(self.listen.ip()) && self.access.token.is_none()),
             settle_seconds: seconds(self.settle),
             patience_seconds: seconds(self.patience),
             rescan_seconds: seconds(self.rescan),
@@ -262,11 +268,9 @@ fn at_least_one(key: &'static str, value: Option<u32>, default: u32) -> Result<u
     }
 }
 
-fn is_loopback(address: IpAddr) -> bool {
-    match address {
-        IpAddr::V4(v4) => v4.is_loopback(),
-        IpAddr::V6(v6) => v6.is_loopback() || v6.to_ipv4_mapped().is_some_and(|v4| v4.is_loopback()),
-    }
+/// That a token is set, not which.
+fn told(token: &Option<String>, file: &Option<PathBuf>) -> Option<String> {
+    (token.is_some() && file.is_none()).then(|| "(set)".to_string())
 }
 
 #[cfg(test)]

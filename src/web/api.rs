@@ -20,6 +20,12 @@ const MONTH: Age = Age(30 * 86_400_000);
 /// An answer that says what went wrong.
 pub(super) struct Refusal(StatusCode, String);
 
+impl Refusal {
+    pub fn new(status: StatusCode, what: impl Into<String>) -> Refusal {
+        Refusal(status, what.into())
+    }
+}
+
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
         (self.0, Json(json!({ "error": self.1 }))).into_response()
@@ -53,6 +59,10 @@ pub(super) struct JobView {
     pub progress: Option<Reading>,
     /// Where its octree is served, once it is published.
     pub octree: Option<String>,
+    /// Where it is served read-only without a token, for viewers on other pages;
+    /// where a token is needed at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shared: Option<String>,
     /// How far its pictures are, and where they are served.
     pub preview: Option<PreviewView>,
 }
@@ -90,12 +100,15 @@ fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
         (state, None) => state.is_open().then_some("queued"),
     };
     let published = job.state == State::Done && job.superseded_by.is_none();
-    let octree = published.then(|| octrees::url(&job.name));
+    let access = &shared.config.access;
+    let folder = octrees::folder(access.base(), &job.name);
+    let octree = published.then(|| format!("{folder}/metadata.json"));
+    let share = if published { octrees::shared_url(access, &job.name) } else { None };
     // Where nobody makes any, none are awaited.
     let preview = preview
         .filter(|preview| published && (shared.config.preview || preview.state != Drawn::Queued))
-        .map(|preview| PreviewView::new(preview, &octrees::folder(&job.name)));
-    JobView { job, stage, progress, octree, preview }
+        .map(|preview| PreviewView::new(preview, &folder));
+    JobView { job, stage, progress, octree, shared: share, preview }
 }
 
 #[derive(Deserialize)]

@@ -7,11 +7,14 @@
 
 mod api;
 mod guard;
+mod headers;
 mod listener;
+mod login;
 mod octrees;
 mod page;
 mod previews;
 mod probes;
+mod session;
 mod stream;
 
 use std::path::PathBuf;
@@ -19,7 +22,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
+use axum::extract::Request;
 use axum::http::StatusCode;
+use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 use serde::Serialize;
 use tokio::sync::{Notify, Semaphore};
@@ -94,11 +99,43 @@ impl Shared {
     }
 }
 
-/// All routes.
+/// All routes, as they are without the public address's path and below it: some
+/// proxies take it away, and others do not.
 pub fn router(shared: Shared) -> Router {
+    let base: Arc<str> = shared.config.access.base().into();
+    let inner = routes(shared);
+    if base.is_empty() {
+        return inner;
+    }
+    // A path can be changed before it is routed only.
+    let strip = move |request: Request| std::future::ready(without_base(request, &base));
+    Router::new().fallback_service(inner).layer(axum::middleware::map_request(strip))
+}
+
+fn without_base(mut request: Request, base: &str) -> Request {
+    let Some(path) = request.uri().path_and_query() else { return request };
+    let stripped = match path.as_str().strip_prefix(base) {
+        Some(rest) if rest.starts_with('/') => rest.to_string(),
+        Some(rest) if rest.is_empty() || rest.starts_with('?') => format!("/{rest}"),
+        _ => return request,
+    };
+    if let Ok(uri) = stripped.parse() {
+        *request.uri_mut() = uri;
+    }
+    request
+}
+
+fn routes(shared: Shared) -> Router {
+    let guard = from_fn_with_state(shared.clone(), guard::guard);
+    let site = from_fn_with_state(shared.clone(), guard::site);
+    let limit = TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, LONGEST_REQUEST);
+    // Streams last as long as they are listened to.
+    let streams = Router::new()
+        .route("/api/events", get(stream::all))
+        .route("/api/jobs/{id}/events", get(stream::one))
+        .layer(from_fn_with_state(shared.clone(), guard::own_pages));
     let jobs = Router::new()
         .route("/", get(page::page))
-        .route("/page.js", get(page::script))
         .route("/metrics", get(probes::metrics))
         .route("/api/jobs", get(api::list))
         .route("/api/jobs/purge", post(api::purge))
@@ -110,17 +147,44 @@ pub fn router(shared: Shared) -> Router {
         .route("/api/jobs/{id}/priority", post(api::priority))
         .route("/api/jobs/{id}/preview", post(api::preview))
         .route("/api/watch", get(api::watch))
-        .layer(TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, LONGEST_REQUEST))
-        // Streams last as long as they are listened to.
-        .route("/api/events", get(stream::all))
-        .route("/api/jobs/{id}/events", get(stream::one))
-        .merge(octrees::router(&shared.config))
-        .layer(axum::middleware::from_fn_with_state(shared.clone(), guard::guard));
+        .layer(limit)
+        .merge(streams)
+        .layer(guard.clone());
+    // What the form needs before anybody is known.
+    let open = Router::new()
+        .route("/login", get(login::form).post(login::log_in))
+        .route("/logout", post(login::log_out))
+        .route("/page.js", get(page::script))
+        .route("/page.css", get(page::style))
+        .layer(limit);
+    let octrees = octrees::router(&shared.config).layer(guard).layer(site.clone()).layer(octrees::cors());
     // Whoever asks whether the daemon lives need not know a secret.
     Router::new()
         .route("/healthz", get(probes::healthz))
         .route("/readyz", get(probes::readyz))
-        .merge(jobs)
+        .merge(jobs.merge(open).layer(site))
+        .merge(octrees)
         .layer(RequestBodyLimitLayer::new(LONGEST_BODY))
+        .layer(axum::middleware::from_fn(headers::add))
         .with_state(shared)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_public_path_is_taken_away_where_it_is_there() {
+        for (path, routed) in [
+            ("/x/y/api/jobs?limit=1", "/api/jobs?limit=1"),
+            ("/api/jobs?limit=1", "/api/jobs?limit=1"),
+            ("/x/y", "/"),
+            ("/x/y/", "/"),
+            ("/x/y?a=/x/y", "/?a=/x/y"),
+            ("/x/yz", "/x/yz"),
+        ] {
+            let request = Request::builder().uri(path).body(axum::body::Body::empty()).expect("a request");
+            assert_eq!(without_base(request, "/x/y").uri().to_string(), routed, "{path}");
+        }
+    }
 }

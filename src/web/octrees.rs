@@ -1,6 +1,11 @@
 //! `/octrees/…`: the published octrees, read-only, with Range and CORS, as
 //! viewers on other pages need them. Nothing outside of the folder, nothing whose
-//! name begins with a dot, and no folder listings.
+//! name begins with a dot, and no folder listings. Where a token is needed, each has
+//! an address with a key of its own too, `/shared/<key>/<octree>/…`: Potree cannot
+//! send a header, and finds an octree's other files by a path beside the metadata,
+//! so that no query would reach them.
+
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
@@ -10,21 +15,49 @@ use axum::response::{IntoResponse, Response};
 use tower_http::cors::{Any, CorsLayer};
 use tower_http::services::ServeDir;
 
-use super::{Shared, previews};
+use super::{Shared, previews, session};
 use crate::config::Config;
+use crate::config::access::Access;
 
+/// Octrees under their names, and each under a read-only address of its own.
 pub(super) fn router(config: &Config) -> Router<Shared> {
     let files = ServeDir::new(config.octrees()).append_index_html_on_directories(false);
-    let cors = CorsLayer::new()
-        .allow_origin(Any)
-        .allow_methods([Method::GET, Method::HEAD])
-        .allow_headers([header::RANGE, header::AUTHORIZATION])
-        .expose_headers([header::CONTENT_RANGE, header::CONTENT_LENGTH, header::ACCEPT_RANGES]);
     Router::new()
-        .nest_service("/octrees", files)
+        .nest_service("/octrees", files.clone())
+        .nest_service("/shared/{key}", files)
         .layer(from_fn(previews::keep))
         .layer(from_fn(no_dots))
-        .layer(cors)
+}
+
+/// What viewers on other pages need; around the guard, so that they can read why
+/// they are refused.
+pub(super) fn cors() -> CorsLayer {
+    CorsLayer::new()
+        .allow_origin(Any)
+        .allow_methods([Method::GET, Method::HEAD])
+        // Loaders of Potree and potree-core send a content type with their ranges.
+        .allow_headers([
+            header::RANGE,
+            header::AUTHORIZATION,
+            header::CONTENT_TYPE,
+            header::ACCEPT,
+            header::CACHE_CONTROL,
+            header::PRAGMA,
+            header::IF_MATCH,
+            header::IF_NONE_MATCH,
+            header::IF_MODIFIED_SINCE,
+            header::IF_RANGE,
+        ])
+        .expose_headers([
+            header::CONTENT_RANGE,
+            header::CONTENT_LENGTH,
+            header::ACCEPT_RANGES,
+            header::ETAG,
+            header::LAST_MODIFIED,
+        ])
+        // Browsers ask before a page of the internet reads from a private network.
+        .allow_private_network(true)
+        .max_age(Duration::from_secs(7200))
 }
 
 /// Staging lies behind a dot.
@@ -36,28 +69,87 @@ async fn no_dots(request: Request, next: Next) -> Response {
     next.run(request).await
 }
 
-/// Where an octree's metadata is served: the address that viewers are given.
-pub(super) fn url(name: &str) -> String {
-    folder(name) + "/metadata.json"
+/// The read-only address of an octree, where a token is needed at all.
+pub(super) fn shared_url(access: &Access, name: &str) -> Option<String> {
+    let key = session::share_key(name, access)?;
+    Some(format!("{}/shared/{key}/{}/metadata.json", access.base(), encoded_part(name)))
 }
 
-/// Where an octree's files are served.
-pub(super) fn folder(name: &str) -> String {
-    let mut url = String::from("/octrees/");
-    for byte in name.bytes() {
+/// Whether a path lies under the read-only address of an octree.
+pub(super) fn is_shared(path: &str, access: &Access) -> bool {
+    let Some((key, rest)) = path.strip_prefix("/shared/").and_then(|rest| rest.split_once('/')) else {
+        return false;
+    };
+    let name = rest.split('/').next().unwrap_or("");
+    decoded(name).is_some_and(|name| session::opens(key, &name, access))
+}
+
+/// Where an octree's files are served; `base` is in front of every path of ours.
+pub(super) fn folder(base: &str, name: &str) -> String {
+    format!("{base}/octrees/{}", encoded_part(name))
+}
+
+/// A name as a part of a path.
+fn encoded_part(name: &str) -> String {
+    encoded(name).replace('/', "%2F")
+}
+
+/// A path as the value of a query.
+pub(super) fn encoded(path: &str) -> String {
+    let mut text = String::new();
+    for byte in path.bytes() {
         match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'~' | b'.' => url.push(byte as char),
-            _ => url.push_str(&format!("%{byte:02X}")),
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'~' | b'.' | b'/' => {
+                text.push(byte as char)
+            }
+            _ => text.push_str(&format!("%{byte:02X}")),
         }
     }
-    url
+    text
+}
+
+/// A part of a path as the name that it stands for.
+fn decoded(part: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(part.len());
+    let mut rest = part.bytes();
+    while let Some(byte) = rest.next() {
+        if byte != b'%' {
+            bytes.push(byte);
+            continue;
+        }
+        let digit = |byte: Option<u8>| byte.and_then(|byte| (byte as char).to_digit(16));
+        let (high, low) = (digit(rest.next())?, digit(rest.next())?);
+        bytes.push((high * 16 + low) as u8);
+    }
+    String::from_utf8(bytes).ok()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     #[test]
     fn names_become_safe_addresses() {
-        assert_eq!(super::url("größe 1"), "/octrees/gr%C3%B6%C3%9Fe%201/metadata.json");
-        assert_eq!(super::url("a/../b?#"), "/octrees/a%2F..%2Fb%3F%23/metadata.json");
+        assert_eq!(folder("", "größe 1"), "/octrees/gr%C3%B6%C3%9Fe%201");
+        assert_eq!(folder("/base", "a/../b?#"), "/base/octrees/a%2F..%2Fb%3F%23");
+    }
+
+    #[test]
+    fn read_only_addresses_open_their_octree_alone() {
+        let access = Access { token: Some("a great secret".to_string()), ..Access::default() };
+        let url = shared_url(&access, "größe 1").expect("an address");
+        assert!(is_shared(&url, &access), "{url}");
+        assert!(is_shared(&url.replace("metadata.json", "octree.bin"), &access));
+        for other in [
+            url.replace("gr%C3", "or%C3"),
+            url.replace("/shared/", "/shared/0"),
+            url.replace("/shared/", "/octrees/"),
+            "/shared/".to_string(),
+            "/shared/x".to_string(),
+            "/shared/x/%zz/metadata.json".to_string(),
+        ] {
+            assert!(!is_shared(&other, &access), "{other}");
+        }
+        assert_eq!(shared_url(&Access::default(), "a"), None);
     }
 }

@@ -3,6 +3,8 @@
 // itself, or is set as text, never as HTML.
 'use strict';
 (() => {
+  // In front of every path of the daemon.
+  const base = document.documentElement.dataset.base;
   let busy = false;
   let again = false;
 
@@ -13,7 +15,7 @@
     }
     busy = true;
     try {
-      const answer = await fetch('/', { cache: 'no-store' });
+      const answer = await fetch(base + '/', { cache: 'no-store' });
       const page = new DOMParser().parseFromString(await answer.text(), 'text/html');
       const fresh = page.querySelector('main');
       if (answer.ok && fresh) document.querySelector('main').replaceWith(fresh);
@@ -59,7 +61,7 @@
 
   // What lies in the folders and waits is in no event.
   let poll = setInterval(refresh, 10000);
-  const events = new EventSource('/api/events');
+  const events = new EventSource(base + '/api/events');
   events.addEventListener('job', refresh);
   events.addEventListener('progress', progress);
   events.addEventListener('error', () => {

@@ -126,7 +126,7 @@ pub(super) async fn keep(mut request: Request, next: Next) -> Response {
 /// An octree may be called `preview` itself.
 fn is_of_pictures(path: &str) -> bool {
     let parts: Vec<&str> = path.split('/').collect();
-    matches!(parts[..], ["", "octrees", _, FOLDER, _])
+    matches!(parts[..], ["", "octrees", _, FOLDER, _] | ["", "shared", _, _, FOLDER, _])
 }
 
 fn not_modified(of: &HeaderMap) -> Response {

@@ -1,1 +1,3 @@
 //! The daemon as shipped: unit, container, alerts, proxies, viewers on other pages.
+
+mod access;

@@ -149,7 +149,8 @@ impl Daemon {
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
         let mut child = Command::new(line[0])
             .args(&line[1..])
-            .args(["serve", "--listen", "127.0.0.1:0"])
+            .arg("serve")
+            .args(if more.contains(&"--listen") { &[][..] } else { &["--listen", "127.0.0.1:0"] })
             .args(if more.contains(&"--settle-seconds") { &[][..] } else { &["--settle-seconds", "0.4"] })
             .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
             // Pictures are work that most tests need not wait for.
