@@ -1,6 +1,6 @@
 //! `lodestone config`.
 
-use super::{Exit, failed, serve};
+use super::{Exit, failed, output, serve};
 
 /// Print the configuration that `serve` would run with, as TOML.
 #[derive(Debug, clap::Args)]
@@ -19,10 +19,7 @@ pub fn run(arguments: Arguments) -> Exit {
         }
     };
     match toml::to_string(&config.to_layer()) {
-        Ok(text) => {
-            print!("{text}");
-            Exit::Done
-        }
+        Ok(text) => output::print(&text, Exit::Done),
         Err(error) => failed(&error),
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Exit;
+use super::output::{complain, say};
 use super::progress::{self, Style};
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
@@ -71,7 +72,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let output = arguments.output.clone();
     let name = output.file_name().map(|n| n.to_string_lossy().into_owned());
     let Some(name) = name else {
-        eprintln!("lodestone: {} is no name for a new folder", output.display());
+        complain(format_args!("{} is no name for a new folder", output.display()));
         return Exit::Usage;
     };
     let scratch_root = arguments.temp_dir.or_else(|| output.parent().map(PathBuf::from)).unwrap_or_default();
@@ -108,7 +109,7 @@ pub fn run(arguments: Arguments) -> Exit {
     match result {
         Ok(outcome) => {
             progress::finished(style, &outcome);
-            if style != Style::None && style != Style::Json {
+            if style != Style::Json {
                 print_outcome(&request, &outcome);
             }
             if outcome.points_set_aside > 0 || outcome.points_missing > 0 {
@@ -120,16 +121,29 @@ pub fn run(arguments: Arguments) -> Exit {
         Err(error) => {
             progress::failed(style, &error);
             let exit = super::failed(&error);
-            if context.scratch.exists() && style != Style::Json {
-                let (scratch, staging) = (&context.scratch, staging_folder(&request.output));
-                eprintln!(
-                    "what is done is kept in {} and {}: the same command goes on from there",
-                    scratch.display(),
-                    staging.display()
-                );
+            if style != Style::Json {
+                tell_what_remains(&request, &context, error.is_cancelled());
             }
             exit
         }
+    }
+}
+
+/// Says what a conversion that did not end leaves, and how to go on.
+fn tell_what_remains(request: &Request, context: &Context, stopped: bool) {
+    let (output, staging) = (request.output.display(), staging_folder(&request.output));
+    if context.scratch.exists() {
+        complain(format_args!(
+            "what is done is kept in {} and {}: the same command goes on from there",
+            context.scratch.display(),
+            staging.display()
+        ));
+    } else if stopped {
+        let stands = match request.output.exists() {
+            true => format!("{output} is as it was"),
+            false => format!("{output} was not made"),
+        };
+        complain(format_args!("nothing remains of it, and {stands}: the same command begins anew"));
     }
 }
 
@@ -143,24 +157,10 @@ fn scratch_name(name: &str, output: &Path) -> String {
 
 fn print_outcome(request: &Request, outcome: &Outcome) {
     for note in outcome.repairs.iter().chain(&outcome.notes) {
-        println!("note: {note}");
-    }
-    for (reason, points) in &outcome.set_aside {
-        let points = super::grouped(*points);
-        match reason.mode(&request.options) {
-            Mode::Drop => println!("dropped as asked: {points} ({}s)", reason.name()),
-            _ => println!("set aside: {points} ({}s), in {}", reason.name(), outcome.files_aside.join(", ")),
-        }
-    }
-    if outcome.points_missing > 0 {
-        println!(
-            "missing: {} of the {} points that the input promises could not be read",
-            super::grouped(outcome.points_missing),
-            super::grouped(outcome.points_in + outcome.points_missing)
-        );
+        say!("note: {note}");
     }
     let seconds: f64 = outcome.seconds_by_stage.values().sum();
-    println!(
+    say!(
         "{}: {} points in {} nodes, {} levels, {:.1} MB, in {:.2} s ({:.2} million points a second)",
         request.output.display(),
         super::grouped(outcome.points_out),
@@ -172,13 +172,13 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
     );
     match outcome.lod_color {
         LodColor::Keep if request.options.lod_color == LodColor::Keep => {}
-        LodColor::Keep => println!("no colours were averaged, for there is no `rgb`"),
-        LodColor::Attribute => println!("`rgb average` holds averages; `rgb` is as in the input"),
-        LodColor::Average => println!("`rgb` holds averages; the originals are in `rgb original`"),
+        LodColor::Keep => say!("no colours were averaged, for there is no `rgb`"),
+        LodColor::Attribute => say!("`rgb average` holds averages; `rgb` is as in the input"),
+        LodColor::Average => say!("`rgb` holds averages; the originals are in `rgb original`"),
     }
     match outcome.exact {
-        true => println!("every position is exactly where the input has it"),
-        false => println!(
+        true => say!("every position is exactly where the input has it"),
+        false => say!(
             "positions were rounded, by at most {:.4} of the finest input's units; the notes say why",
             outcome.max_error_units
         ),

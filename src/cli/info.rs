@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Exit, grouped};
+use super::{Exit, grouped, output};
 use crate::cloud::attribute::Scalar;
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::{self, Metadata, MetadataAttribute, Node};
@@ -30,10 +30,7 @@ pub fn run(arguments: Arguments) -> Exit {
             .map(|file| las_page(&path, file.header())),
     };
     match page {
-        Ok(page) => {
-            print!("{page}");
-            Exit::Done
-        }
+        Ok(page) => output::print(&page, Exit::Done),
         Err(exit) => exit,
     }
 }

@@ -2,16 +2,19 @@
 //! queue's file itself, so it works with and without a running daemon; a running
 //! one notices an order within a second.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Exit, failed};
+use serde::Serialize;
+
+use super::{Exit, failed, output};
 use crate::clock::Clock;
 use crate::config::Layer;
 use crate::config::age::Age;
 use crate::config::size::Size;
-use crate::job::{Event, Job, JobId, State};
-use crate::store::{Store, StoreError};
+use crate::job::facts::Facts;
+use crate::job::time;
+use crate::job::{Event, Input, Job, JobId, State};
+use crate::store::{Attempt, History, Store, StoreError};
 
 /// List, show and control the jobs of the queue
 #[derive(Debug, clap::Args)]
@@ -36,11 +39,11 @@ enum Action {
         /// Only those in this state
         #[arg(long, ignore_case = true)]
         state: Option<State>,
-        /// At most so many
+        /// At most so many; how many more there are is said below them
         #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(i64).range(1..=100_000))]
         limit: i64,
     },
-    /// All that is known of a job
+    /// What is known of a job; with --json all of it
     Show { id: JobId },
     /// Try a job again that failed, was cancelled or is in quarantine; or make a lost octree anew
     Retry { id: JobId },
@@ -86,13 +89,33 @@ pub fn run(arguments: Arguments) -> Exit {
         text
     });
     match text {
-        Ok(text) => {
-            // A reader that has seen enough, as `head`, is no failure.
-            let _ = std::io::stdout().write_all(text.as_bytes());
-            Exit::Done
-        }
+        Ok(text) => output::print(&text, Exit::Done),
         Err(error) => failed(&error),
     }
+}
+
+/// A job with all that is told of it.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    job: &'a Job,
+    #[serde(flatten)]
+    facts: Facts,
+}
+
+impl Told<'_> {
+    fn of(job: &Job, now: i64) -> Told<'_> {
+        Told { job, facts: Facts::of(job, now) }
+    }
+}
+
+#[derive(Serialize)]
+struct Details<'a> {
+    #[serde(flatten)]
+    told: Told<'a>,
+    inputs: Vec<Input>,
+    attempts_log: Vec<Attempt>,
+    history: Vec<History>,
 }
 
 async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<String, StoreError> {
@@ -104,7 +127,12 @@ async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<Str
     let id = match &arguments.action {
         Action::List { state, limit } => {
             let jobs = store.jobs(*state, None, *limit).await?;
-            return Ok(if arguments.json { json(&jobs) } else { table(&jobs) });
+            let told: Vec<Told> = jobs.iter().map(|job| Told::of(job, now)).collect();
+            if arguments.json {
+                return Ok(json(&told));
+            }
+            let all = store.count_jobs(*state).await?;
+            return Ok(table(&told) + &rest(jobs.len(), all));
         }
         Action::Purge { older_than } => {
             let gone = store.purge(now - older_than.0, octrees).await?;
@@ -129,49 +157,108 @@ async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<Str
         }
     };
     let job = store.job(id).await?;
+    let told = Told::of(&job, now);
     match (&arguments.action, arguments.json) {
-        (_, true) => Ok(json(&job)),
-        (Action::Show { .. }, false) => show(store, &job).await,
-        (_, false) => Ok(table(&[job])),
+        (Action::Show { .. }, true) => {
+            let (inputs, history) = (store.inputs(id).await?, store.history(id).await?);
+            Ok(json(&Details { told, inputs, attempts_log: store.attempts(id).await?, history }))
+        }
+        (Action::Show { .. }, false) => show(store, &told).await,
+        (_, true) => Ok(json(&told)),
+        (_, false) => Ok(table(&[told])),
     }
 }
 
-fn json(value: &impl serde::Serialize) -> String {
+fn json(value: &impl Serialize) -> String {
     // Jobs are plain values; there is nothing that JSON could not hold.
     serde_json::to_string_pretty(value).unwrap_or_default() + "\n"
 }
 
-fn table(jobs: &[Job]) -> String {
-    let head = ["#", "NAME", "STATE", "POINTS", "SIZE", "TRIES", "WHY"].map(String::from);
-    let rows: Vec<[String; 7]> = std::iter::once(head).chain(jobs.iter().map(row)).collect();
+/// Says what a list leaves out.
+fn rest(shown: usize, all: i64) -> String {
+    let all = usize::try_from(all).unwrap_or(0);
+    match all.checked_sub(shown) {
+        Some(1..) => format!("\nthe youngest {shown} of {all} jobs; `--limit {all}` shows all\n"),
+        _ => String::new(),
+    }
+}
+
+const COLUMNS: [&str; 9] = ["#", "NAME", "STATE", "POINTS", "SIZE", "TRIES", "CREATED", "TOOK", "WHY"];
+
+fn table(jobs: &[Told]) -> String {
+    let head = COLUMNS.map(String::from);
+    let rows: Vec<[String; 9]> = std::iter::once(head).chain(jobs.iter().map(row)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..6).map(width).collect();
+    let widths: Vec<usize> = (0..8).map(width).collect();
     let mut text = String::new();
     for row in &rows {
         for (cell, width) in row.iter().zip(&widths) {
             text += cell;
             text += &" ".repeat(width - cell.chars().count() + 2);
         }
-        text += &row[6];
+        text += &row[8];
         text.truncate(text.trim_end().len());
         text.push('\n');
     }
     text
 }
 
-fn row(job: &Job) -> [String; 7] {
+fn row(told: &Told) -> [String; 9] {
+    let (job, facts) = (told.job, &told.facts);
     let state = match job.wish {
         Some(wish) => format!("{} ({} asked)", job.state.name(), wish.name()),
         None => job.state.name().to_string(),
     };
-    let why = job.hold.as_deref().or(job.error.as_deref()).unwrap_or("").to_string();
     let (points, size) = (super::grouped(job.points), Size(job.bytes).to_string());
-    [job.id.to_string(), job.name.clone(), state, points, size, job.attempts.to_string(), why]
+    let took = facts.duration_seconds.map(time::duration).unwrap_or_default();
+    // To the second, and without the zone that the head of `show` tells.
+    let created = facts.created_at_iso.get(..19).unwrap_or_default().replace('T', " ") + "Z";
+    let [id, tries] = [job.id.to_string(), job.attempts.to_string()];
+    [id, job.name.clone(), state, points, size, tries, created, took, why(job, facts)]
 }
 
-async fn show(store: &Store, job: &Job) -> Result<String, StoreError> {
-    let mut text = table(std::slice::from_ref(job));
+/// What is to be known of a job in one line.
+fn why(job: &Job, facts: &Facts) -> String {
+    let mut parts: Vec<String> = Vec::new();
+    match (job.superseded_by, job.hold.as_deref().or(job.error.as_deref())) {
+        (_, Some(reason)) => parts.push(one_line(reason)),
+        (Some(by), None) => parts.push(format!("superseded by job {by}")),
+        (None, None) => {}
+    }
+    let counted = [(facts.points_missing, "missing"), (facts.points_set_aside, "set aside")];
+    for (points, what) in counted {
+        parts.extend(points.filter(|points| *points > 0).map(|n| format!("{} {what}", super::grouped(n))));
+    }
+    match facts.warnings.len() {
+        0 => {}
+        1 => parts.push("1 warning".to_string()),
+        n => parts.push(format!("{n} warnings")),
+    }
+    parts.join("; ")
+}
+
+/// An error may have lines, and a list has one for each job.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Inputs, and lines of the result and of the history, that a person is shown.
+const MAX_SHOWN: usize = 20;
+const MAX_RESULT: usize = 100;
+
+async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
+    let (job, facts) = (told.job, &told.facts);
+    let mut text = table(std::slice::from_ref(told));
     text += &format!("\nsource    {}\nrevision  {}\n", job.source.display(), job.revision);
+    let times = [
+        ("created ", Some(&facts.created_at_iso)),
+        ("started ", facts.started_at_iso.as_ref()),
+        ("finished", facts.finished_at_iso.as_ref()),
+        ("waits to", facts.not_before_iso.as_ref()),
+    ];
+    for (what, time) in times {
+        text += &time.map(|time| format!("{what}  {time}\n")).unwrap_or_default();
+    }
     if let Some(by) = job.superseded_by {
         text += &format!("replaced  by job {by}\n");
     }
@@ -180,26 +267,72 @@ async fn show(store: &Store, job: &Job) -> Result<String, StoreError> {
         let why = preview.error.as_deref().map(|error| format!(", {error}")).unwrap_or_default();
         text += &format!("preview   {}{why}\n", preview.state.name());
     }
-    text += "\ninputs\n";
-    for input in store.inputs(job.id).await? {
-        text += &format!("  {}  {}\n", input.path.display(), Size(input.size));
+    for (points, what) in [
+        (facts.points_written, "written"),
+        (facts.points_set_aside, "set aside"),
+        (facts.points_missing, "missing"),
+    ] {
+        text += &points.map(|n| format!("points    {} {what}\n", super::grouped(n))).unwrap_or_default();
     }
+    let inputs = store.inputs(job.id).await?;
+    let inputs: Vec<String> =
+        inputs.iter().map(|input| format!("{}  {}", input.path.display(), Size(input.size))).collect();
+    text += &section("inputs", &inputs, MAX_SHOWN);
+    text += &section("warnings", &facts.warnings, MAX_SHOWN);
     if let Some(result) = &job.result {
-        text += &format!("\nresult\n{}\n", serde_json::to_string_pretty(result).unwrap_or_default());
+        let json = serde_json::to_string_pretty(result).unwrap_or_default();
+        let lines: Vec<String> = json.lines().map(str::to_string).collect();
+        text += &section("result", &lines, MAX_RESULT);
     }
-    text += "\nhistory, the latest first\n";
     let now = Clock::System.now();
-    for line in store.history(job.id).await? {
-        let ago = (now - line.at).max(0) / 1000;
-        text += &format!("  {ago:>9} s ago  {}  {}\n", line.kind, line.detail.unwrap_or_default());
-    }
+    let history = store.history(job.id).await?;
+    let history: Vec<String> = history
+        .iter()
+        .map(|line| {
+            let ago = time::duration((now - line.at).max(0) as f64 / 1000.0);
+            format!(
+                "{}  {ago} ago  {}  {}",
+                line.at_iso,
+                line.kind,
+                line.detail.as_deref().unwrap_or_default()
+            )
+        })
+        .collect();
+    text += &section("history, the latest first", &history, MAX_SHOWN);
     Ok(text)
+}
+
+/// Lines under a title; of many, how many more there are.
+fn section(title: &str, lines: &[String], most: usize) -> String {
+    if lines.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("\n{title}\n");
+    for line in lines.iter().take(most) {
+        text += &format!("  {}\n", line.trim_end());
+    }
+    if let Some(more @ 1..) = lines.len().checked_sub(most) {
+        text += &format!("  … and {more} more; `--json` shows all that is kept\n");
+    }
+    text
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     #[test]
     fn an_empty_queue_is_a_head_without_rows() {
-        assert_eq!(super::table(&[]), "#  NAME  STATE  POINTS  SIZE  TRIES  WHY\n");
+        assert_eq!(table(&[]), "#  NAME  STATE  POINTS  SIZE  TRIES  CREATED  TOOK  WHY\n");
+    }
+
+    #[test]
+    fn what_is_left_out_is_said() {
+        let lines: Vec<String> = (0..25).map(|i| format!("line {i}")).collect();
+        let text = section("inputs", &lines, 20);
+        assert!(text.contains("line 19\n  … and 5 more;") && !text.contains("line 20"), "{text}");
+        assert_eq!(section("inputs", &[], 20), "");
+        assert_eq!(rest(50, 1234), "\nthe youngest 50 of 1234 jobs; `--limit 1234` shows all\n");
+        assert_eq!((rest(50, 50), rest(0, 0)), (String::new(), String::new()));
     }
 }

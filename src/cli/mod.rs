@@ -4,6 +4,7 @@ mod config;
 mod convert;
 mod info;
 mod jobs;
+mod output;
 mod preview;
 mod progress;
 mod report;
@@ -74,7 +75,7 @@ pub fn run() -> ExitCode {
         Command::Synth(arguments) => synth::run(arguments),
         Command::Report(arguments) => report::run(arguments),
     };
-    ExitCode::from(exit as u8)
+    ExitCode::from(output::after(exit) as u8)
 }
 
 /// Logs go to stderr, so that stdout stays for results.
@@ -84,10 +85,14 @@ fn start_logging(arguments: &Arguments) {
     use tracing_subscriber::prelude::*;
 
     let filter = arguments.log.parse().unwrap_or_else(|error| {
-        eprintln!("lodestone: --log {:?} is no filter ({error}); logging what \"info\" does", arguments.log);
+        output::complain(format_args!(
+            "--log {:?} is no filter ({error}); logging what \"info\" does",
+            arguments.log
+        ));
         Targets::new().with_default(LevelFilter::INFO)
     });
-    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    // A log that cannot be written must not end the program.
+    let layer = tracing_subscriber::fmt::layer().with_writer(|| output::Stderr).log_internal_errors(false);
     let layer = match arguments.log_format {
         LogFormat::Json => layer.json().boxed(),
         LogFormat::Plain => layer.with_ansi(false).with_target(false).boxed(),
@@ -98,7 +103,7 @@ fn start_logging(arguments: &Arguments) {
 
 /// Prints an error with its causes and says that the command failed.
 fn failed(error: &dyn std::error::Error) -> Exit {
-    eprintln!("lodestone: {error}");
+    output::complain(format_args!("{error}"));
     Exit::Failed
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::output::say;
 use super::{Exit, sheet};
 use crate::disk::Disk;
 use crate::render::colour::ColorBy;
@@ -107,7 +108,7 @@ pub fn run(arguments: Arguments) -> Exit {
             all => serde_json::to_string_pretty(&all.iter().map(|(_, preview)| preview).collect::<Vec<_>>()),
         };
         match json {
-            Ok(json) => println!("{json}"),
+            Ok(json) => say!("{json}"),
             Err(error) => return super::failed(&error),
         }
     }
@@ -126,11 +127,11 @@ fn context(into: &Path, threads: usize) -> Context {
 }
 
 fn tell(into: &Path, made: &Preview) {
-    println!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
+    say!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
     for asset in &made.assets {
         let size = format!("{}x{}", asset.width, asset.height);
         let (points, kib) = (asset.effort.points, asset.bytes / 1024);
-        println!("  {:15} {size:>9}  {points:>9} points  {kib:>5} KiB  {:.2} s", asset.href, asset.seconds);
+        say!("  {:15} {size:>9}  {points:>9} points  {kib:>5} KiB  {:.2} s", asset.href, asset.seconds);
     }
 }
 

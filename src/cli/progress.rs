@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 
+use super::output;
 use crate::engine::conduct::{ConductError, Outcome};
 use crate::stage::context::{Progress, Snapshot, Stage};
 
@@ -82,6 +83,7 @@ impl Display {
             if let Ok(style) = ProgressStyle::with_template(template) {
                 bar.set_style(style.progress_chars("━╸─"));
             }
+            output::keep_clear_of(Some(bar.clone()));
             bar
         });
         Display { style, bar, stage: Stage::Queued, stage_started: Instant::now(), tenth: u64::MAX }
@@ -114,7 +116,7 @@ impl Display {
                     "points_per_second": rate.round(),
                     "seconds_left": left.map(|s| (s * 10.0).round() / 10.0),
                 });
-                eprintln!("{line}");
+                output::tell(format_args!("{line}"));
             }
         }
     }
@@ -123,13 +125,19 @@ impl Display {
         let tenth = now.done * 10 / now.total.max(1);
         if tenth != self.tenth && now.stage != Stage::Queued {
             self.tenth = tenth;
-            eprintln!("{:>10} {:>3} %  {:.2} M points/s", now.stage.name(), tenth * 10, rate / 1e6);
+            output::tell(format_args!(
+                "{:>10} {:>3} %  {:.2} M points/s",
+                now.stage.name(),
+                tenth * 10,
+                rate / 1e6
+            ));
         }
     }
 
     fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
+            output::keep_clear_of(None);
         }
     }
 }
@@ -137,7 +145,7 @@ impl Display {
 /// The last line for machines.
 pub fn finished(style: Style, outcome: &Outcome) {
     if style == Style::Json {
-        eprintln!("{}", json!({ "event": "done", "outcome": outcome }));
+        output::tell(format_args!("{}", json!({ "event": "done", "outcome": outcome })));
     }
 }
 
@@ -148,6 +156,6 @@ pub fn failed(style: Style, error: &ConductError) {
             "error": error.to_string(),
             "retry_can_help": error.retry_can_help(),
         });
-        eprintln!("{line}");
+        output::tell(format_args!("{line}"));
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::output::{self, say};
 use super::{Exit, failed};
 use crate::measure::compare;
 use crate::measure::means::{Means, MeasureError, Step};
@@ -106,7 +107,7 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
         None => {
             let bar = bar();
             let report = compare::measure(&wishes, &|step| show(&bar, step));
-            bar.finish_and_clear();
+            done(&bar);
             let report = report?;
             write(&json, &json_of(&report))?;
             report
@@ -117,9 +118,9 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
         write(path, &chart.svg_standalone())?;
     }
     for finding in compare::findings(&report) {
-        println!("{} {}", if finding.holds { "holds        " } else { "DOES NOT HOLD" }, finding.words);
+        say!("{} {}", if finding.holds { "holds        " } else { "DOES NOT HOLD" }, finding.words);
     }
-    println!("the page is {}, its figures are in {}", page.display(), json.display());
+    say!("the page is {}, its figures are in {}", page.display(), json.display());
     Ok(Exit::Done)
 }
 
@@ -131,9 +132,9 @@ fn stability(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
         scenes: arguments.scenes,
     };
     let bar = bar();
-    let shown = |row: &Row| bar.suspend(|| println!("{}", stability::plain(row)));
+    let shown = |row: &Row| bar.suspend(|| say!("{}", stability::plain(row)));
     let table = stability::measure(&wishes, &|step| show(&bar, step), &shown);
-    bar.finish_and_clear();
+    done(&bar);
     let table = table?;
     let written = [(arguments.output, stability::markdown(&table)), (arguments.json, json_of(&table))];
     for (path, text) in written.into_iter().filter_map(|(path, text)| Some((path?, text))) {
@@ -160,10 +161,16 @@ fn show(bar: &ProgressBar, step: Step) {
     bar.set_message(step.what);
 }
 
+fn done(bar: &ProgressBar) {
+    bar.finish_and_clear();
+    output::keep_clear_of(None);
+}
+
 fn bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("{pos:>3} of {len} steps {bar:30} {elapsed}  {msg}") {
         bar.set_style(style.progress_chars("━╸─"));
     }
+    output::keep_clear_of(Some(bar.clone()));
     bar
 }

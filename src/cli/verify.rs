@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::Exit;
+use super::output::say;
 use crate::stage::machine;
 use crate::stage::options::Damaged;
 use crate::verify::{self, Request, Spacing};
@@ -56,11 +57,11 @@ pub fn run(arguments: Arguments) -> Exit {
     report.seconds = started.elapsed().as_secs_f64();
     if arguments.json {
         match serde_json::to_string_pretty(&report) {
-            Ok(json) => println!("{json}"),
+            Ok(json) => say!("{json}"),
             Err(error) => return super::failed(&error),
         }
     } else {
-        println!("{report}");
+        say!("{report}");
     }
     match (report.ok, report.dropped()) {
         (false, _) => Exit::Failed,

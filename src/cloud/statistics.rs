@@ -15,6 +15,8 @@ pub struct AttributeStatistics {
     /// Points per value, for attributes of one unsigned or signed byte
     /// (signed values count at their bit pattern, as viewers index it).
     pub histogram: Option<Vec<u64>>,
+    /// Values of floats that are NaN or infinite; where elements are many, of all.
+    pub not_finite: u64,
 }
 
 impl AttributeStatistics {
@@ -24,6 +26,7 @@ impl AttributeStatistics {
             min: vec![f64::INFINITY; elements],
             max: vec![f64::NEG_INFINITY; elements],
             histogram: bytes.then(|| vec![0; 256]),
+            not_finite: 0,
         }
     }
 
@@ -37,6 +40,7 @@ impl AttributeStatistics {
         if let (Some(a), Some(b)) = (&mut self.histogram, &other.histogram) {
             a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
         }
+        self.not_finite += other.not_finite;
     }
 }
 
@@ -66,9 +70,15 @@ impl Statistics {
 
     fn add_block(&mut self, schema: &Schema, records: &[u8]) {
         let size = schema.record_size();
+        let mut at = 0;
+        for (attribute, statistics) in schema.attributes.iter().zip(&mut self.attributes) {
+            let columns = Columns { records, size, at };
+            at += attribute.elements * attribute.scalar.size();
+            statistics.not_finite += columns.not_finite(attribute.scalar, attribute.elements);
+        }
         let mut elements: Vec<Element> = Vec::new();
         for (attribute, statistics) in schema.attributes.iter().zip(&mut self.attributes) {
-            let AttributeStatistics { min, max, histogram } = statistics;
+            let AttributeStatistics { min, max, histogram, .. } = statistics;
             let mut histogram = histogram.as_mut();
             for (min, max) in min.iter_mut().zip(max) {
                 elements.push(Element { scalar: attribute.scalar, min, max, histogram: histogram.take() });
@@ -178,6 +188,28 @@ impl Columns<'_> {
         (low.map(&widen), high.map(&widen))
     }
 
+    /// Values of so many floats that are NaN or infinite.
+    fn not_finite(&self, scalar: Scalar, elements: usize) -> u64 {
+        match scalar {
+            Scalar::F32 => self.count_odd::<4>(elements, |bytes| !f32::from_le_bytes(bytes).is_finite()),
+            Scalar::F64 => self.count_odd::<8>(elements, |bytes| !f64::from_le_bytes(bytes).is_finite()),
+            _ => 0,
+        }
+    }
+
+    fn count_odd<const N: usize>(&self, elements: usize, is_odd: impl Fn([u8; N]) -> bool) -> u64 {
+        let range = self.at..self.at + elements * N;
+        let values = |record: &[u8]| {
+            record[range.clone()]
+                .as_chunks::<N>()
+                .0
+                .iter()
+                .map(|bytes| u64::from(is_odd(*bytes)))
+                .sum::<u64>()
+        };
+        self.records.chunks_exact(self.size).map(values).sum()
+    }
+
     /// Points per value of K bytes.
     fn count<const K: usize>(&self, row: &mut [Element]) {
         let mut counts = [[0u32; 256]; K];
@@ -261,6 +293,30 @@ mod tests {
         let schema = Schema { attributes: vec![Attribute::new("t", Scalar::F32, 1)] };
         let mut statistics = Statistics::empty(&schema);
         statistics.add(&schema, &f32::NAN.to_le_bytes());
+        assert_eq!(statistics.attributes[0].not_finite, 1);
+        statistics.attributes[0].not_finite = 0;
         assert_eq!(statistics, Statistics::empty(&schema));
+    }
+
+    #[test]
+    fn values_that_are_no_numbers_are_counted() {
+        let attributes = vec![
+            Attribute::new("a", Scalar::U8, 1),
+            Attribute::new("t", Scalar::F64, 1),
+            Attribute::new("v", Scalar::F32, 3),
+        ];
+        let schema = Schema { attributes };
+        let record = |t: f64, v: [f32; 3]| {
+            let v: Vec<u8> = v.iter().flat_map(|v| v.to_le_bytes()).collect();
+            [&[255][..], &t.to_le_bytes(), &v].concat()
+        };
+        let mut statistics = Statistics::empty(&schema);
+        statistics.add(&schema, &record(f64::NAN, [1.0, f32::NAN, f32::NEG_INFINITY]));
+        statistics.add(&schema, &record(2.0, [1.0; 3]));
+        let mut other = Statistics::empty(&schema);
+        other.add(&schema, &record(f64::INFINITY, [0.0; 3]));
+        statistics.merge(&other);
+        let counts: Vec<u64> = statistics.attributes.iter().map(|a| a.not_finite).collect();
+        assert_eq!(counts, [0, 2, 2]);
     }
 }

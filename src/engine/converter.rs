@@ -37,10 +37,14 @@ impl Work {
 pub struct Report {
     pub points_in: u64,
     pub points_out: u64,
+    /// Points that the inputs promise and that could not be read.
+    pub points_missing: u64,
     /// Points that were kept out, by reason.
     pub set_aside: Vec<(&'static str, u64)>,
     pub output_bytes: u64,
     pub seconds_by_stage: Vec<(&'static str, f64)>,
+    /// What was odd about the inputs, and what was done about it.
+    pub warnings: Vec<String>,
     /// All of the conversion's report, for the job's record.
     pub json: serde_json::Value,
 }
@@ -95,9 +99,11 @@ impl Converter for Conduct {
         Ok(Report {
             points_in: outcome.points_in,
             points_out: outcome.points_out,
+            points_missing: outcome.points_missing,
             set_aside: outcome.set_aside.iter().map(|(reason, points)| (reason.name(), *points)).collect(),
             output_bytes: outcome.output_bytes,
             seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (stage.name(), *s)).collect(),
+            warnings: outcome.repairs.iter().chain(&outcome.notes).cloned().collect(),
             json: told(&work.output, &outcome),
         })
     }

@@ -74,7 +74,7 @@ impl Engine {
         let (job, name) = (running.job.id, running.job.name.as_str());
         let error = ending.error.as_deref().unwrap_or("");
         match event {
-            Event::Succeed => tracing::info!(job, name, points = running.job.points, "published"),
+            Event::Succeed => published(running, finished),
             Event::Park => tracing::info!(job, name, "parked; it goes on at the next start"),
             Event::Postpone => tracing::warn!(job, name, error, "did not succeed, is tried again"),
             Event::Fail | Event::Quarantine => tracing::error!(job, name, error, "{}", event.name()),
@@ -100,6 +100,23 @@ impl Engine {
             let started = running.job.started_at.unwrap_or(now);
             metrics.job_seconds.observe((now - started).max(0) as f64 / 1000.0);
         }
+    }
+}
+
+/// Warnings of a job that the log tells; its report has all.
+const MAX_LOGGED: usize = 20;
+
+fn published(running: &Running, finished: &Finished) {
+    let (job, name) = (running.job.id, running.job.name.as_str());
+    let Ok(report) = &finished.result else { return };
+    let set_aside: u64 = report.set_aside.iter().map(|(_, points)| points).sum();
+    let (points, missing) = (report.points_out, report.points_missing);
+    tracing::info!(job, name, points, set_aside, missing, "published");
+    for warning in report.warnings.iter().take(MAX_LOGGED) {
+        tracing::warn!(job, name, "{warning}");
+    }
+    if let Some(more @ 1..) = report.warnings.len().checked_sub(MAX_LOGGED) {
+        tracing::warn!(job, name, "and {more} more warnings, in report.json");
     }
 }
 

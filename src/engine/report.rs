@@ -63,6 +63,11 @@ struct Input<'a> {
 struct Guard {
     name: &'static str,
     mode: Mode,
+    /// Whether it looked at the points at all; where not, that it found none says nothing.
+    looked: bool,
+    /// Why it did not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_looked_because: Option<&'static str>,
     /// What it looked for.
     threshold: String,
     points: u64,
@@ -80,7 +85,16 @@ impl Guard {
             Reason::Twin => "beyond the first record of which all attributes are equal".to_string(),
         };
         let points = outcome.set_aside.get(&reason).copied().unwrap_or(0);
-        Guard { name: reason.name(), mode: reason.mode(options), threshold, points }
+        let mode = reason.mode(options);
+        let why_not = match reason {
+            _ if mode == Mode::Keep => Some("it is switched off (`keep`)"),
+            Reason::Outlier if outliers::most(outcome.points_in) == 0 => {
+                Some("there are too few points for one of them to be an outlier")
+            }
+            Reason::Outlier | Reason::Duplicate | Reason::Twin => None,
+        };
+        let (name, looked) = (reason.name(), why_not.is_none());
+        Guard { name, mode, looked, not_looked_because: why_not, threshold, points }
     }
 }
 

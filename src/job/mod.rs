@@ -4,7 +4,9 @@
 //! ([`machine`]), and what follows from the way an attempt ended ([`verdict`]).
 //! Nothing here knows SQLite, files, threads or the time of day.
 
+pub mod facts;
 pub mod machine;
+pub mod time;
 pub mod verdict;
 
 use std::path::PathBuf;
@@ -102,7 +104,8 @@ pub struct Job {
     pub postponements: u32,
     /// Not to be started before this time.
     pub not_before: i64,
-    /// Points that the headers claim; zero where no header could be read.
+    /// Points that were read, once the job is done; before that, what the headers
+    /// claim, and zero where no header could be read.
     pub points: u64,
     /// Bytes of all input files.
     pub bytes: u64,
@@ -122,9 +125,11 @@ pub struct Job {
     /// Why it cannot be converted as it was meant to be.
     #[serde(skip)]
     pub refusal: Option<String>,
-    /// The job that published something newer under the same name.
+    /// The job of newer content of the same source: it called this one off, or its
+    /// octree took the place of this one's.
     pub superseded_by: Option<JobId>,
-    /// What the conversion reported, as the converter wrote it.
+    /// What the last conversion that came to an octree reported, as the converter wrote
+    /// it; none while the job runs.
     pub result: Option<serde_json::Value>,
     /// Names the content, the options and the format: equal keys, equal octrees.
     pub content_key: String,

@@ -18,7 +18,7 @@ use crate::cloud::statistics::Statistics;
 
 /// Changes whenever receipts, or the data behind them, are to be read otherwise
 /// than before: what an older program left is then cleared.
-pub const FORMAT: &str = concat!("lodestone receipts 5, program ", env!("CARGO_PKG_VERSION"));
+pub const FORMAT: &str = concat!("lodestone receipts 6, program ", env!("CARGO_PKG_VERSION"));
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.

@@ -210,7 +210,7 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
     if row.try_get::<i64, _>("data_set")? == data_set.id {
         // It may have been called off a moment ago, for a content that is gone
         // again.
-        sqlx::query("UPDATE job SET wish = NULL WHERE id = ? AND wish = 'cancel'")
+        sqlx::query("UPDATE job SET wish = NULL, superseded_by = NULL WHERE id = ? AND wish = 'cancel'")
             .bind(job)
             .execute(&mut **tx)
             .await?;
@@ -231,7 +231,7 @@ async fn release(tx: &mut Tx, job: JobId, arrival: &Arrival, now: i64) -> Result
     let tally = forgive(Event::Release, job_now.state == State::Quarantined, tally);
     sqlx::query(
         "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
-         finished_at = NULL, priority = ?, updated_at = ? WHERE id = ?",
+         error = NULL, superseded_by = NULL, finished_at = NULL, priority = ?, updated_at = ? WHERE id = ?",
     )
     .bind(state.name())
     .bind(tally.strikes)
@@ -309,7 +309,8 @@ async fn call_off_older(tx: &mut Tx, data_set: &DataSet, job: JobId, now: i64) -
         let old = row::job(row)?;
         let detail = format!("its source has newer content, which is job {job}");
         if old.state == State::Running {
-            sqlx::query("UPDATE job SET wish = 'cancel', updated_at = ? WHERE id = ?")
+            sqlx::query("UPDATE job SET wish = 'cancel', superseded_by = ?, updated_at = ? WHERE id = ?")
+                .bind(job)
                 .bind(now)
                 .bind(old.id)
                 .execute(&mut **tx)
@@ -317,6 +318,11 @@ async fn call_off_older(tx: &mut Tx, data_set: &DataSet, job: JobId, now: i64) -
         } else {
             let state = step(old.id, old.state, Event::Cancel)?;
             sharing::call_off(tx, old.id, state, &detail, now).await?;
+            sqlx::query("UPDATE job SET superseded_by = ? WHERE id = ?")
+                .bind(job)
+                .bind(old.id)
+                .execute(&mut **tx)
+                .await?;
             sharing::look_again_after_calling_off(tx, old.id).await?;
         }
         note(tx, old.id, now, "superseded", Some(&detail)).await?;

@@ -86,7 +86,7 @@ impl Store {
         sqlx::query(
             "UPDATE job SET state = ?, attempts = attempts + 1, lease_owner = ?, heartbeat_at = ?, \
              started_at = ?, updated_at = ?, hold = NULL, wish = NULL, error = NULL, staged = 0, \
-             sources = NULL, finished_at = NULL WHERE id = ?",
+             sources = NULL, result = NULL, finished_at = NULL WHERE id = ?",
         )
         .bind(state.name())
         .bind(owner)
@@ -210,14 +210,14 @@ impl Store {
             _ => tally,
         };
         sqlx::query(
-            "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
-             updated_at = ?, finished_at = CASE WHEN ? = 'cancelled' THEN ? ELSE NULL END WHERE id = ?",
+            "UPDATE job SET state = ?1, strikes = ?2, postponements = ?3, not_before = 0, hold = NULL, \
+             updated_at = ?4, finished_at = CASE WHEN ?1 = 'cancelled' THEN ?4 END, \
+             error = CASE WHEN ?1 <> 'queued' THEN error END, \
+             superseded_by = CASE WHEN ?1 <> 'queued' THEN superseded_by END WHERE id = ?5",
         )
         .bind(state.name())
         .bind(tally.strikes)
         .bind(tally.postponements)
-        .bind(now)
-        .bind(state.name())
         .bind(now)
         .bind(job)
         .execute(&mut *tx)
@@ -293,6 +293,7 @@ pub(super) async fn end_attempt(
     now: i64,
 ) -> Result<Verdict> {
     let verdict = judge(as_wished(ending.end, job.wish), tally_of(job), policy);
+    let newer = job.superseded_by.map(|by| format!("its source has newer content, which is job {by}"));
     let state = step(job.id, job.state, verdict.event)?;
     let error = match (verdict.event, &ending.error) {
         (Event::Quarantine, Some(error)) => Some(format!(
@@ -300,6 +301,7 @@ pub(super) async fn end_attempt(
             verdict.tally.strikes
         )),
         (Event::Succeed | Event::Park, _) => None,
+        (Event::Cancel, error) => newer.or_else(|| error.clone()),
         (_, error) => error.clone(),
     };
     let finished = (!state.is_open()).then_some(now);

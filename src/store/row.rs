@@ -17,12 +17,16 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
     let wish: Option<String> = row.try_get("wish")?;
     let options: String = row.try_get("options")?;
     let result: Option<String> = row.try_get("result")?;
+    let result: Option<serde_json::Value> = result.and_then(|text| serde_json::from_str(&text).ok());
+    let state = state(row)?;
+    // Headers may be wrong, or unreadable.
+    let read = result.as_ref().filter(|_| state == State::Done).and_then(|r| r["points_in"].as_u64());
     Ok(Job {
         id: row.try_get("id")?,
         name: row.try_get("name")?,
         source: PathBuf::from(row.try_get::<String, _>("source")?),
         revision: row.try_get("revision")?,
-        state: state(row)?,
+        state,
         hold: row.try_get("hold")?,
         error: row.try_get("error")?,
         wish: wish.as_deref().and_then(Wish::parse),
@@ -31,7 +35,7 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
         strikes: row.try_get("strikes")?,
         postponements: row.try_get("postponements")?,
         not_before: row.try_get("not_before")?,
-        points: row.try_get::<i64, _>("points")? as u64,
+        points: read.unwrap_or(row.try_get::<i64, _>("points")? as u64),
         bytes: row.try_get::<i64, _>("bytes")? as u64,
         created_at: row.try_get("created_at")?,
         started_at: row.try_get("started_at")?,
@@ -42,7 +46,7 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
         doubt: row.try_get("doubt")?,
         refusal: row.try_get("refusal")?,
         superseded_by: row.try_get("superseded_by")?,
-        result: result.and_then(|text| serde_json::from_str(&text).ok()),
+        result,
         content_key: row.try_get("content_key")?,
         options: serde_json::from_str(&options).unwrap_or_default(),
     })

@@ -4,6 +4,7 @@ use serde::Serialize;
 use sqlx::Row;
 
 use super::{Result, Store, StoreError, row};
+use crate::job::time::iso8601;
 use crate::job::{Input, Job, JobId, State};
 
 /// One run of a job. Times are milliseconds since 1970.
@@ -11,7 +12,12 @@ use crate::job::{Input, Job, JobId, State};
 pub struct Attempt {
     pub number: i64,
     pub started_at: i64,
+    /// In ISO 8601, as all such names.
+    pub started_at_iso: String,
     pub ended_at: Option<i64>,
+    pub ended_at_iso: Option<String>,
+    /// How long it took; none while it runs.
+    pub duration_seconds: Option<f64>,
     pub outcome: Option<String>,
     pub error: Option<String>,
 }
@@ -20,6 +26,7 @@ pub struct Attempt {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct History {
     pub at: i64,
+    pub at_iso: String,
     pub kind: String,
     pub detail: Option<String>,
 }
@@ -60,6 +67,15 @@ impl Store {
         rows.iter().map(row::job).collect()
     }
 
+    /// How many jobs there are; of one state where `state` is given.
+    pub async fn count_jobs(&self, state: Option<State>) -> Result<i64> {
+        let row = sqlx::query("SELECT count(*) AS jobs FROM job WHERE (?1 IS NULL OR state = ?1)")
+            .bind(state.map(State::name))
+            .fetch_one(&self.readers)
+            .await?;
+        Ok(row.try_get("jobs")?)
+    }
+
     pub async fn inputs(&self, job: JobId) -> Result<Vec<Input>> {
         let rows = sqlx::query("SELECT * FROM job_input WHERE job = ? ORDER BY ord")
             .bind(job)
@@ -93,10 +109,15 @@ impl Store {
             .fetch_all(&self.readers)
             .await?;
         let attempt = |row: &sqlx::sqlite::SqliteRow| {
+            let (started_at, ended_at): (i64, Option<i64>) =
+                (row.try_get("started_at")?, row.try_get("ended_at")?);
             Ok(Attempt {
                 number: row.try_get("ord")?,
-                started_at: row.try_get("started_at")?,
-                ended_at: row.try_get("ended_at")?,
+                started_at,
+                started_at_iso: iso8601(started_at),
+                ended_at,
+                ended_at_iso: ended_at.map(iso8601),
+                duration_seconds: ended_at.map(|end| (end - started_at).max(0) as f64 / 1000.0),
                 outcome: row.try_get("outcome")?,
                 error: row.try_get("error")?,
             })
@@ -110,7 +131,13 @@ impl Store {
             .fetch_all(&self.readers)
             .await?;
         let line = |row: &sqlx::sqlite::SqliteRow| {
-            Ok(History { at: row.try_get("at")?, kind: row.try_get("kind")?, detail: row.try_get("detail")? })
+            let at = row.try_get("at")?;
+            Ok(History {
+                at,
+                at_iso: iso8601(at),
+                kind: row.try_get("kind")?,
+                detail: row.try_get("detail")?,
+            })
         };
         rows.iter().map(line).collect()
     }

@@ -16,6 +16,7 @@ impl Tally {
             min: vec![f64::INFINITY; attribute.elements],
             max: vec![f64::NEG_INFINITY; attribute.elements],
             histogram: (attribute.size() == 1).then(|| vec![0; 256]),
+            not_finite: 0,
         };
         Tally { columns: schema.attributes.iter().map(column).collect() }
     }

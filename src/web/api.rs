@@ -11,6 +11,7 @@ use serde_json::json;
 use super::previews::PreviewView;
 use super::{Shared, octrees};
 use crate::config::age::Age;
+use crate::job::facts::Facts;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::board::Reading;
 use crate::store::{self, Attempt, Drawn, History, Preview, StoreError};
@@ -54,6 +55,9 @@ impl From<StoreError> for Refusal {
 pub(super) struct JobView {
     #[serde(flatten)]
     pub job: Job,
+    /// Dates, duration, counts and warnings.
+    #[serde(flatten)]
+    pub facts: Facts,
     /// The stage it is in, from `queued` to `done`; none where it ended early.
     pub stage: Option<&'static str>,
     pub progress: Option<Reading>,
@@ -108,7 +112,8 @@ fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
     let preview = preview
         .filter(|preview| published && (shared.config.preview || preview.state != Drawn::Queued))
         .map(|preview| PreviewView::new(preview, &folder));
-    JobView { job, stage, progress, octree, shared: share, preview }
+    let facts = Facts::of(&job, shared.clock.now());
+    JobView { job, facts, stage, progress, octree, shared: share, preview }
 }
 
 #[derive(Deserialize)]
@@ -126,7 +131,7 @@ pub(super) async fn list(
 ) -> Result<Response, Refusal> {
     let state = match filter.state.as_deref() {
         None => None,
-        Some(name) => Some(State::parse(name).ok_or_else(|| {
+        Some(name) => Some(State::parse(&name.to_ascii_lowercase()).ok_or_else(|| {
             let names = State::ALL.map(State::name).join(", ");
             Refusal(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
         })?),

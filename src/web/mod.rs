@@ -6,6 +6,7 @@
 //! another address needs. Bodies, times and connections are bounded.
 
 mod api;
+mod errors;
 mod guard;
 mod headers;
 mod listener;
@@ -165,6 +166,7 @@ fn routes(shared: Shared) -> Router {
         .merge(jobs.merge(open).layer(site))
         .merge(octrees)
         .layer(RequestBodyLimitLayer::new(LONGEST_BODY))
+        .layer(axum::middleware::from_fn(errors::as_json))
         .layer(axum::middleware::from_fn(headers::add))
         .with_state(shared)
 }

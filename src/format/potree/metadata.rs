@@ -352,9 +352,18 @@ mod tests {
             offset: vec![500000.1, 4.1e6, 0.0],
             ..Attribute::new("position", Scalar::I32, 3)
         };
-        let stat =
-            |min: f64, max: f64| AttributeStatistics { min: vec![min], max: vec![max], histogram: None };
-        let box_stat = AttributeStatistics { min: vec![0.0; 3], max: vec![7.0, 8.0, 9.0], histogram: None };
+        let stat = |min: f64, max: f64| AttributeStatistics {
+            min: vec![min],
+            max: vec![max],
+            histogram: None,
+            not_finite: 0,
+        };
+        let box_stat = AttributeStatistics {
+            min: vec![0.0; 3],
+            max: vec![7.0, 8.0, 9.0],
+            histogram: None,
+            not_finite: 0,
+        };
         let wide = Attribute::new("wide", Scalar::U64, 1);
         let time = Attribute::new("gps-time", Scalar::F64, 1);
         Metadata {

@@ -1,1 +1,0 @@
-//! What the command line, the log and the API tell.
