@@ -19,6 +19,9 @@
 // Cargo.toml, because integration tests may do as they like.
 #![warn(clippy::unwrap_used, clippy::panic)]
 
+// What people write for values.
+pub mod words;
+
 // Pure rooms: no files, no clock, no threads of their own.
 pub mod cloud;
 pub mod job;

@@ -7,7 +7,7 @@ use super::{Exit, failed, output, serve};
 #[group(skip)] // the one of `serve`, flattened in, has the name already
 pub struct Arguments {
     #[command(flatten)]
-    serve: serve::Arguments,
+    pub(super) serve: serve::Arguments,
 }
 
 pub fn run(arguments: Arguments) -> Exit {

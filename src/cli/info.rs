@@ -1,6 +1,8 @@
 //! `lodestone info`: a page about an octree or a LAS file, for a person. It
 //! tells what the file says of itself and reads no points.
 
+mod json;
+
 use std::fmt::{self, Write};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,12 +11,16 @@ use super::{Exit, grouped, output};
 use crate::cloud::attribute::Scalar;
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::{self, Metadata, MetadataAttribute, Node};
+use crate::words;
 
 /// Describe an octree or a LAS/LAZ file
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of an octree, or a LAS or LAZ file
     path: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(arguments: Arguments) -> Exit {
@@ -23,16 +29,35 @@ pub fn run(arguments: Arguments) -> Exit {
         true => path.parent().unwrap_or(Path::new(".")),
         false => &path,
     };
-    let page = match folder.is_dir() {
-        true => octree_page(folder).map_err(|error| super::failed(&error)),
+    let text = match folder.is_dir() {
+        true => of_octree(folder, arguments.json).map_err(|error| super::failed(&error)),
         false => LasFile::open(&path)
             .map_err(|error| super::failed(&error))
-            .map(|file| las_page(&path, file.header())),
+            .map(|file| of_las(&path, file.header(), arguments.json)),
     };
-    match page {
-        Ok(page) => output::print(&page, Exit::Done),
+    match text {
+        Ok(text) => output::print(&text, Exit::Done),
         Err(exit) => exit,
     }
+}
+
+fn of_las(path: &Path, header: &Header, as_json: bool) -> String {
+    if as_json { pretty(&json::las(path, header)) } else { las_page(path, header) }
+}
+
+fn of_octree(folder: &Path, as_json: bool) -> potree::Result<String> {
+    let metadata = Metadata::read(folder)?;
+    let path = folder.join(potree::HIERARCHY);
+    let hierarchy = fs::read(&path).map_err(|source| potree::PotreeError::Read { path, source })?;
+    let nodes = potree::read_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
+    Ok(match as_json {
+        true => pretty(&json::octree(folder, &metadata, &nodes)),
+        false => octree_page(folder, &metadata, &nodes),
+    })
+}
+
+fn pretty(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
 }
 
 /// A page of lines, each with a title.
@@ -53,11 +78,7 @@ impl Page {
     }
 }
 
-fn octree_page(folder: &Path) -> potree::Result<String> {
-    let metadata = Metadata::read(folder)?;
-    let path = folder.join(potree::HIERARCHY);
-    let hierarchy = fs::read(&path).map_err(|source| potree::PotreeError::Read { path, source })?;
-    let nodes = potree::read_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
+fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String {
     let bytes = fs::metadata(folder.join(potree::OCTREE)).map_or(0, |file| file.len());
     let mut page = Page::default();
     page.line("octree", folder.display());
@@ -96,12 +117,12 @@ fn octree_page(folder: &Path) -> potree::Result<String> {
     page.line("", format!("from {}", coordinates(bounds.min, metadata.scale)));
     page.line("scale", join(metadata.scale));
     page.line("offset", join(metadata.offset));
-    page.block("projection", or_none(&metadata.projection));
+    page.line("projection", one_line(or_none(&metadata.projection)));
     page.0.push('\n');
-    levels(&mut page, &metadata, &nodes);
+    levels(&mut page, metadata, nodes);
     page.0.push('\n');
-    attributes(&mut page, &metadata);
-    Ok(page.0)
+    attributes(&mut page, metadata);
+    page.0
 }
 
 fn tight_box(position: &MetadataAttribute) -> Option<[[f64; 3]; 2]> {
@@ -167,8 +188,10 @@ fn las_page(path: &Path, header: &Header) -> String {
     let created = header.created.map(|created| format!("day {} of {}", created.day, created.year));
     page.line("created", created.as_deref().unwrap_or("-"));
     match &header.crs {
-        Some(crs) => page
-            .block(&format!("CRS ({})", if crs.source.name() == "WKT" { "WKT" } else { "keys" }), &crs.text),
+        Some(crs) => {
+            let source = if crs.source.name() == "WKT" { "WKT" } else { "keys" };
+            page.line(&format!("CRS ({source})"), one_line(&crs.text));
+        }
         None => page.line("CRS", "-"),
     }
     for (index, field) in header.extra.iter().enumerate() {
@@ -193,13 +216,22 @@ fn extent(page: &mut Page, min: [f64; 3], max: [f64; 3], scale: [f64; 3]) {
 fn coordinates(values: [f64; 3], scale: [f64; 3]) -> String {
     let text = |axis: usize| {
         let decimals = (-scale[axis].abs().log10()).ceil().clamp(0.0, 12.0);
-        format!("{:.*}", if decimals.is_finite() { decimals as usize } else { 3 }, values[axis])
+        // Where a header lies, a coordinate may have three hundred digits.
+        match values[axis] {
+            value if value.abs() >= 1e15 => words::number(value),
+            value => format!("{value:.*}", if decimals.is_finite() { decimals as usize } else { 3 }),
+        }
     };
     format!("{} {} {}", text(0), text(1), text(2))
 }
 
 fn join(values: impl AsRef<[f64]>) -> String {
-    values.as_ref().iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+    values.as_ref().iter().copied().map(words::number).collect::<Vec<_>>().join(" ")
+}
+
+/// A text of several lines, as WKT may be, on one.
+fn one_line(text: &str) -> String {
+    text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
 fn or_none(text: &str) -> &str {
@@ -214,5 +246,13 @@ mod tests {
     fn coordinates_have_the_decimals_of_their_unit() {
         assert_eq!(coordinates([1.23456, 2.0, 3.5], [0.01, 1e-7, 1.0]), "1.23 2.0000000 4");
         assert_eq!(coordinates([1.0; 3], [f64::NAN; 3]), "1.000 1.000 1.000");
+        let huge = coordinates([f64::MAX, -1e300, f64::INFINITY], [0.01; 3]);
+        assert_eq!(huge, "1.7976931348623157e308 -1e300 inf");
+        assert_eq!(join([f64::MIN, 0.5]), "-1.7976931348623157e308 0.5");
+    }
+
+    #[test]
+    fn wkt_stands_on_one_line() {
+        assert_eq!(one_line("PROJCS[\"a\",\r\n  GEOGCS[\n\"b\"]]\n"), "PROJCS[\"a\", GEOGCS[ \"b\"]]");
     }
 }

@@ -4,18 +4,22 @@ mod config;
 mod convert;
 mod info;
 mod jobs;
+mod logging;
 mod output;
 mod preview;
 mod progress;
 mod report;
 mod serve;
 mod sheet;
+mod shell;
 mod synth;
 mod verify;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+use crate::config::logging::LogFormat;
 
 /// How a command ended; the numbers are what scripts rely on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,19 +36,12 @@ pub enum Exit {
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// What to log, as in `info`, `debug` or `lodestone::engine=debug`.
-    #[arg(long, global = true, env = "LODESTONE_LOG", default_value = "info", value_name = "FILTER")]
-    log: String,
-    /// How to log: for people, or a JSON object a line.
-    #[arg(long, global = true, env = "LODESTONE_LOG_FORMAT", default_value = "auto", value_name = "FORMAT")]
-    log_format: LogFormat,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum LogFormat {
-    Auto,
-    Plain,
-    Json,
+    /// What to log, as in `info`, `debug` or `lodestone::engine=debug` [default: info].
+    #[arg(long, global = true, env = "LODESTONE_LOG", value_name = "FILTER")]
+    log: Option<String>,
+    /// How to log: for people, or a JSON object a line [default: auto].
+    #[arg(long, global = true, ignore_case = true, env = "LODESTONE_LOG_FORMAT", value_name = "FORMAT")]
+    log_format: Option<LogFormat>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -58,12 +55,31 @@ enum Command {
     Jobs(jobs::Arguments),
     Synth(synth::Arguments),
     Report(report::Arguments),
+    Completions(shell::Completions),
+    Man(shell::Man),
 }
 
 /// Parses the arguments, runs the command, and turns its end into an exit code.
 pub fn run() -> ExitCode {
-    let arguments = Arguments::parse();
-    start_logging(&arguments);
+    let mut arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        // Help and the version are results, told on stdout.
+        Err(text) if !text.use_stderr() => {
+            output::check(text.print());
+            return ExitCode::from(output::after(Exit::Done) as u8);
+        }
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(Exit::Usage as u8);
+        }
+    };
+    let (log, format) = (arguments.log.take(), arguments.log_format);
+    let (log, format) = match &mut arguments.command {
+        Command::Serve(serve) => serve.logging(log, format),
+        Command::Config(config) => config.serve.logging(log, format),
+        _ => (log, format),
+    };
+    logging::start(log.as_deref(), format);
     let exit = match arguments.command {
         Command::Convert(arguments) => convert::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
@@ -74,31 +90,10 @@ pub fn run() -> ExitCode {
         Command::Jobs(arguments) => jobs::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Completions(arguments) => shell::completions(arguments),
+        Command::Man(arguments) => shell::man(arguments),
     };
     ExitCode::from(output::after(exit) as u8)
-}
-
-/// Logs go to stderr, so that stdout stays for results.
-fn start_logging(arguments: &Arguments) {
-    use std::io::IsTerminal;
-    use tracing_subscriber::filter::{LevelFilter, Targets};
-    use tracing_subscriber::prelude::*;
-
-    let filter = arguments.log.parse().unwrap_or_else(|error| {
-        output::complain(format_args!(
-            "--log {:?} is no filter ({error}); logging what \"info\" does",
-            arguments.log
-        ));
-        Targets::new().with_default(LevelFilter::INFO)
-    });
-    // A log that cannot be written must not end the program.
-    let layer = tracing_subscriber::fmt::layer().with_writer(|| output::Stderr).log_internal_errors(false);
-    let layer = match arguments.log_format {
-        LogFormat::Json => layer.json().boxed(),
-        LogFormat::Plain => layer.with_ansi(false).with_target(false).boxed(),
-        LogFormat::Auto => layer.with_ansi(std::io::stderr().is_terminal()).with_target(false).boxed(),
-    };
-    tracing_subscriber::registry().with(layer.with_filter(filter)).init();
 }
 
 /// Prints an error with its causes and says that the command failed.
@@ -155,6 +150,39 @@ mod tests {
         assert!(
             parse_bytes("12 parsecs").is_err() && parse_bytes("-1G").is_err() && parse_bytes("").is_err()
         );
+    }
+
+    /// All arguments of all commands.
+    fn arguments_of(command: &clap::Command, all: &mut Vec<(String, clap::Arg)>) {
+        let name = command.get_name().to_string();
+        all.extend(command.get_arguments().map(|argument| (name.clone(), argument.clone())));
+        command.get_subcommands().for_each(|command| arguments_of(command, all));
+    }
+
+    #[test]
+    fn every_choice_is_taken_in_any_letter_case() {
+        use clap::CommandFactory;
+        let mut all = Vec::new();
+        arguments_of(&Arguments::command(), &mut all);
+        let choices: Vec<_> = all
+            .iter()
+            .filter(|(_, argument)| {
+                argument.get_action().takes_values() && !argument.get_possible_values().is_empty()
+            })
+            .collect();
+        assert!(choices.len() > 20, "{}", choices.len());
+        for (command, argument) in choices {
+            let (id, values) = (argument.get_id(), argument.get_possible_values());
+            assert!(argument.is_ignore_case_set(), "{command} {id}");
+            // Yes and no are read as people write them, not by clap's own two words.
+            assert!(!values.iter().any(|value| value.get_name() == "true"), "{command} {id}");
+        }
+    }
+
+    #[test]
+    fn the_description_of_the_command_line_is_sound() {
+        use clap::CommandFactory;
+        Arguments::command().debug_assert();
     }
 
     #[test]

@@ -31,7 +31,8 @@ pub(super) fn write(text: fmt::Arguments) {
     check(io::stdout().lock().write_fmt(text));
 }
 
-fn check(result: io::Result<()>) {
+/// Takes note of what became of something written to stdout.
+pub(super) fn check(result: io::Result<()>) {
     match result {
         Ok(()) => {}
         // A reader that has seen enough is no failure.

@@ -35,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = super::synth::count)]
     points: Option<u64>,
     /// Only these scenes
-    #[arg(long, value_delimiter = ',', value_name = "SCENES")]
+    #[arg(long, ignore_case = true, value_delimiter = ',', value_name = "SCENES")]
     scenes: Vec<Kind>,
     /// Conversions a method or row; their median counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=99))]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::{Exit, failed};
+use crate::config::logging::LogFormat;
 use crate::config::{Config, ConfigError, Layer};
 use crate::daemon;
 use crate::engine::converter::Conduct;
@@ -22,7 +23,22 @@ impl Arguments {
     /// The flags and the environment over the file over the defaults, checked.
     pub(super) fn effective(self) -> Result<Config, ConfigError> {
         let file = self.config.as_deref().map(Layer::read).transpose()?.unwrap_or_default();
-        Config::from_layer(self.layer.over(file))
+        let flags = self.layer.split_watched(std::env::var_os("LODESTONE_WATCH").as_deref());
+        Config::from_layer(flags.over(file))
+    }
+
+    /// What to log, by the flags of all commands, and where they are silent by the
+    /// file. One that cannot be read is told of once its configuration is needed.
+    pub(super) fn logging(
+        &mut self,
+        log: Option<String>,
+        format: Option<LogFormat>,
+    ) -> (Option<String>, Option<LogFormat>) {
+        let flags = Layer { log, log_format: format, ..Layer::default() };
+        let file = self.config.as_deref().and_then(|path| Layer::read(path).ok()).unwrap_or_default();
+        let Layer { log, log_format, .. } = flags.over(file);
+        (self.layer.log, self.layer.log_format) = (log.clone(), log_format);
+        (log, log_format)
     }
 }
 

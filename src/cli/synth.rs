@@ -12,6 +12,7 @@ use crate::synth::{Kind, Recipe, Scene, SceneError, Tile};
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The scene.
+    #[arg(ignore_case = true)]
     scene: Kind,
     /// The file to write (it is replaced if it exists); for `strips` a folder.
     #[arg(short, long, value_name = "FILE")]

@@ -26,7 +26,7 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// Whether the rule of sampling is a must: for Lodestone's own octrees, for any, or only told
-    #[arg(long, default_value = "auto", value_name = "WHEN")]
+    #[arg(long, ignore_case = true, default_value = "auto", value_name = "WHEN")]
     spacing: Spacing,
     /// Threads to work with; all that the machine or container grants if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -1,16 +1,19 @@
 //! What one source of configuration says: flags, the environment, or a file.
 //! Every key stands here once, with the text of its flag's help.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::ConfigError;
 use super::hook::Hook;
+use super::logging::LogFormat;
 use super::size::Size;
 use super::sources::OnDone;
 use crate::render::colour::ColorBy;
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Sampling};
+use crate::words;
 
 /// What one source of configuration says; what it leaves out is empty.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -19,7 +22,8 @@ pub struct Layer {
     /// The folder of inbox, octrees, scratch and the queue [default: ./lodestone-data].
     #[arg(long, env = "LODESTONE_ROOT", value_name = "DIR")]
     pub root: Option<PathBuf>,
-    /// Another folder to watch besides the inbox; may be given several times.
+    /// Another folder to watch besides the inbox; may be given several times, and in the variable
+    /// several folders stand with colons between them, as in PATH.
     #[arg(long, env = "LODESTONE_WATCH", value_name = "DIR")]
     pub watch: Vec<PathBuf>,
     /// Address of the HTTP API [default: 127.0.0.1:7700].
@@ -45,7 +49,9 @@ pub struct Layer {
     #[arg(long, env = "LODESTONE_PUBLIC_URL", value_name = "URL")]
     pub public_url: Option<String>,
     /// Let everybody who reaches the address read and control the queue.
-    #[arg(long, env = "LODESTONE_OPEN_TO_NETWORK", num_args = 0..=1, default_missing_value = "true")]
+    #[arg(long, env = "LODESTONE_OPEN_TO_NETWORK", value_name = "YES|NO", num_args = 0..=1,
+          default_missing_value = "true", value_parser = words::yes_or_no)]
+    #[serde(deserialize_with = "words::optional_switch")]
     pub open_to_network: Option<bool>,
     /// How long a file's size and time must be quiet before it is taken, in seconds [default: 5].
     #[arg(long, env = "LODESTONE_SETTLE_SECONDS", value_name = "SECONDS")]
@@ -128,7 +134,9 @@ pub struct Layer {
     #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
     pub twins: Option<Mode>,
     /// Make pictures of each octree after it is published, at low priority [default: true].
-    #[arg(long, env = "LODESTONE_PREVIEW", num_args = 0..=1, default_missing_value = "true")]
+    #[arg(long, env = "LODESTONE_PREVIEW", value_name = "YES|NO", num_args = 0..=1,
+          default_missing_value = "true", value_parser = words::yes_or_no)]
+    #[serde(deserialize_with = "words::optional_switch")]
     pub preview: Option<bool>,
     /// Pictures of the turntable among them; 0 for none [default: 36].
     #[arg(long, env = "LODESTONE_PREVIEW_FRAMES", value_name = "N")]
@@ -136,6 +144,11 @@ pub struct Layer {
     /// What they are coloured by; where a cloud has no such attribute, by what it has [default: auto].
     #[arg(long, env = "LODESTONE_PREVIEW_COLOR", value_enum, ignore_case = true, value_name = "WHAT")]
     pub preview_color: Option<ColorBy>,
+    /// What to log; on the command line a flag of all commands.
+    #[arg(skip)]
+    pub log: Option<String>,
+    #[arg(skip)]
+    pub log_format: Option<LogFormat>,
 }
 
 impl Layer {
@@ -146,6 +159,19 @@ impl Layer {
         // The parser's message names the key and shows its line.
         toml::from_str(&text)
             .map_err(|e| ConfigError::Parse { path: path.to_path_buf(), message: e.to_string() })
+    }
+
+    /// Takes the variable `LODESTONE_WATCH` apart, which clap takes for one folder. What
+    /// exists as it stands is one, colons and all.
+    pub fn split_watched(mut self, variable: Option<&OsStr>) -> Layer {
+        if let ([one], Some(variable)) = (self.watch.as_slice(), variable)
+            && one.as_os_str() == variable
+            && !one.exists()
+        {
+            self.watch =
+                std::env::split_paths(variable).filter(|path| !path.as_os_str().is_empty()).collect();
+        }
+        self
     }
 
     /// This layer, and where it is silent the other.
@@ -203,6 +229,8 @@ impl Layer {
             preview: self.preview.or(other.preview),
             preview_frames: self.preview_frames.or(other.preview_frames),
             preview_color: self.preview_color.or(other.preview_color),
+            log: self.log.or(other.log),
+            log_format: self.log_format.or(other.log_format),
         }
     }
 }

@@ -9,6 +9,7 @@ pub mod access;
 pub mod age;
 pub mod hook;
 mod layer;
+pub mod logging;
 pub mod size;
 pub mod sources;
 
@@ -22,6 +23,7 @@ use crate::stage::options::{Mode, Options};
 use access::{Access, PublicUrl, is_loopback};
 use hook::Hook;
 pub use layer::Layer;
+use logging::LogFormat;
 use size::Size;
 use sources::OnDone;
 
@@ -84,6 +86,9 @@ pub struct Config {
     /// Of the turntable; 0 is no turntable.
     pub preview_frames: u32,
     pub preview_color: ColorBy,
+    /// What is logged, as a filter.
+    pub log: String,
+    pub log_format: LogFormat,
 }
 
 impl Config {
@@ -188,6 +193,8 @@ impl Config {
                 }
             },
             preview_color: layer.preview_color.unwrap_or_default(),
+            log: layer.log.unwrap_or_else(|| logging::DEFAULT_FILTER.to_string()),
+            log_format: layer.log_format.unwrap_or_default(),
         })
     }
 
@@ -234,6 +241,8 @@ impl Config {
             preview: Some(self.preview),
             preview_frames: Some(self.preview_frames),
             preview_color: Some(self.preview_color),
+            log: Some(self.log.clone()),
+            log_format: Some(self.log_format),
         }
     }
 }
@@ -333,6 +342,44 @@ mod tests {
         assert_eq!((config.stall, config.keep), (Some(30_000), None));
         let text = toml::to_string(&config.to_layer()).expect("TOML");
         assert_eq!(Config::from_layer(layer(&text)).expect("again"), config);
+    }
+
+    #[test]
+    fn values_are_read_in_any_letter_case() {
+        let config = Config::from_layer(layer(
+            "sampling = 'Random'\nencoding = 'brotli'\nlod_color = 'AVERAGE'\noutliers = 'Set_Aside'\n\
+             damaged = 'Keep'\non_done = 'MOVE'\npreview_color = 'Height'\npreview = 'No'\nlog = 'debug'\n\
+             log_format = 'JSON'\nopen_to_network = 1",
+        ))
+        .expect("a configuration");
+        let text = toml::to_string(&config.to_layer()).expect("TOML");
+        for line in [
+            "sampling = \"random\"",
+            "encoding = \"BROTLI\"",
+            "outliers = \"set-aside\"",
+            "on_done = \"move\"",
+            "preview = false",
+            "log = \"debug\"",
+            "log_format = \"json\"",
+        ] {
+            assert!(text.contains(line), "{line} is missing in {text}");
+        }
+        let wrong = toml::from_str::<Layer>("sampling = 'best'").expect_err("none").to_string();
+        assert!(wrong.contains("`best` is none of `poisson`"), "{wrong}");
+    }
+
+    #[test]
+    fn the_variable_of_watched_folders_holds_a_list() {
+        let watched = |variable: &str| {
+            let layer = Layer { watch: vec![variable.into()], ..Layer::default() };
+            layer.split_watched(Some(variable.as_ref())).watch
+        };
+        assert_eq!(watched("/srv/a:/srv/b c"), [PathBuf::from("/srv/a"), PathBuf::from("/srv/b c")]);
+        assert_eq!(watched("/srv/a::"), [PathBuf::from("/srv/a")]);
+        let folder = tempfile::Builder::new().prefix("a:b").tempdir().expect("a folder");
+        assert_eq!(watched(folder.path().to_str().expect("UTF-8")), [folder.path()]);
+        let flags = Layer { watch: vec!["/x:y".into(), "/z".into()], ..Layer::default() };
+        assert_eq!(flags.clone().split_watched(Some("/z".as_ref())), flags);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! What becomes of a data set's files once its octree is published.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+use crate::deserialize_choice;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum OnDone {
     /// They stay where they are.
@@ -13,6 +15,8 @@ pub enum OnDone {
     /// They are removed.
     Delete,
 }
+
+deserialize_choice!(OnDone);
 
 impl OnDone {
     pub fn name(self) -> &'static str {

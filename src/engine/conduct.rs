@@ -319,7 +319,7 @@ fn odd_values(schema: &Schema, statistics: &Statistics) -> Vec<String> {
     odd.map(|(attribute, statistics)| {
         let (name, count) = (&attribute.name, statistics.not_finite);
         let values = if count == 1 { "value that is no number" } else { "values that are no numbers" };
-        format!("`{name}` has {count} {values} (NaN or infinite); kept as they are, left out of its range")
+        format!("`{name}` has {count} {values} (NaN or infinite), kept as they are")
     })
     .collect()
 }

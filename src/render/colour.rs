@@ -1,16 +1,17 @@
 //! What the points are painted by: their own colour where they have one, else
 //! intensity, else classification, else height.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::error::{RenderError, Result};
 use super::octree::Octree;
 use super::palette;
 use super::sample::{Sample, percentile};
 use crate::cloud::attribute::{RGB, RGB_AVERAGE, Scalar, Schema};
+use crate::deserialize_choice;
 
 /// What to colour by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum ColorBy {
     /// By what is there.
@@ -21,6 +22,8 @@ pub enum ColorBy {
     Classification,
     Height,
 }
+
+deserialize_choice!(ColorBy);
 
 /// How a record becomes a colour.
 #[derive(Debug, Clone, PartialEq)]

@@ -27,7 +27,7 @@ pub enum StageError {
     NoPoints(String),
     #[error("{} changed while it was read; let the copy finish and try again", .0.display())]
     InputChanged(PathBuf),
-    #[error("{} exists already; choose another folder or allow overwriting it", .0.display())]
+    #[error("{} exists already; choose another folder, or have it replaced by `--overwrite`", .0.display())]
     OutputExists(PathBuf),
     #[error(
         "no attribute is called {wanted:?}; the input has: {known}. Names are compared in any letter case"

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
+use crate::deserialize_choice;
 use crate::lod::nearest::NearestToCentre;
 use crate::lod::poisson::PoissonDisk;
 use crate::lod::random::RandomInGrid;
@@ -10,7 +11,7 @@ use crate::lod::sampler::Sampler;
 use crate::lod::shells::Shells;
 
 /// How a node's sample is chosen from its children's points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
     /// No two points of an inner node closer than its spacing.
@@ -50,7 +51,7 @@ impl Sampling {
 }
 
 /// How points are stored in octree.bin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Encoding {
     /// Records one behind the other.
@@ -62,7 +63,7 @@ pub enum Encoding {
 }
 
 /// What colours the points of coarse levels have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LodColor {
     /// Their own.
@@ -112,7 +113,7 @@ impl LodColor {
 }
 
 /// What becomes of points that a guard finds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// They go into the octree like all others.
@@ -125,7 +126,7 @@ pub enum Mode {
 }
 
 /// What becomes of a file that is cut, or of which some cannot be decoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Damaged {
     /// Nothing is converted.
@@ -134,6 +135,8 @@ pub enum Damaged {
     /// What can be read of it is, and what is missing is told.
     Keep,
 }
+
+deserialize_choice!(Sampling, Encoding, LodColor, Mode, Damaged);
 
 /// What changes the octree's bytes. Threads, memory and folders do not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

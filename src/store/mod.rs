@@ -20,9 +20,12 @@ mod row;
 mod sharing;
 mod views;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use rustix::fs::Access;
+use rustix::io::Errno;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
@@ -40,12 +43,14 @@ pub use views::{Attempt, Counts, History};
 
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    #[error("could not open the queue {}: {source} (is the folder writable, and is this a Lodestone database?)", path.display())]
+    #[error("could not open the queue {}: {}", path.display(), obstacle(path).unwrap_or_else(|| format!("{source} (is this a Lodestone database?)")))]
     Open {
         path: PathBuf,
         #[source]
         source: sqlx::Error,
     },
+    #[error("there is no queue {}: {} (name the daemon's root folder by --root, LODESTONE_ROOT or the file of --config)", path.display(), obstacle(path).unwrap_or_else(|| "no daemon has worked here yet".to_string()))]
+    Missing { path: PathBuf },
     #[error("could not bring the queue {} up to date: {source} (it may have been written by a newer Lodestone)", path.display())]
     Migrate {
         path: PathBuf,
@@ -65,6 +70,36 @@ pub enum StoreError {
 }
 
 pub type Result<T> = std::result::Result<T, StoreError>;
+
+/// What is in the way of opening a queue, where its place says it: SQLite has the same
+/// few words for all of that. It writes beside the file even to read it.
+fn obstacle(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let told = folder.display();
+    match folder.metadata() {
+        Ok(metadata) if !metadata.is_dir() => return Some(format!("{told} is not a folder")),
+        Ok(_) => {}
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            return Some(format!("the folder {told} is not there"));
+        }
+        Err(error) => return Some(format!("the folder {told} cannot be looked at: {error}")),
+    }
+    if path.is_dir() {
+        return Some("it is a folder".to_string());
+    }
+    let may = |path: &Path, access: Access| rustix::fs::access(path, access);
+    if let Err(error) = may(folder, Access::WRITE_OK | Access::EXEC_OK) {
+        return Some(format!(
+            "the folder {told} cannot be written to: {error} (check who owns it and its permissions)"
+        ));
+    }
+    match may(path, Access::READ_OK | Access::WRITE_OK) {
+        Err(error) if error != Errno::NOENT => {
+            Some(format!("it cannot be read and written: {error} (check who owns it and its permissions)"))
+        }
+        _ => None,
+    }
+}
 
 /// The schema, one file a version; a released file is never edited again.
 const MIGRATIONS: &[(i64, &str, &str)] = &[
@@ -97,6 +132,10 @@ impl Store {
 
     /// Opens the queue of a daemon that may be running, as it is.
     pub async fn open_existing(path: &Path) -> Result<Store> {
+        if matches!(path.metadata(), Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory))
+        {
+            return Err(StoreError::Missing { path: path.to_path_buf() });
+        }
         Store::connect(path, false).await
     }
 

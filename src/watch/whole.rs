@@ -79,7 +79,9 @@ fn first_word(path: &Path) -> Option<Wholeness> {
     match file.and_then(|(mut file, _)| file.read_exact(&mut magic)) {
         Ok(()) => {}
         Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
-            return incomplete(format!("{} is shorter than a header", path.display()));
+            let is_empty = std::fs::symlink_metadata(path).is_ok_and(|file| file.len() == 0);
+            let what = if is_empty { "is empty" } else { "is shorter than a header" };
+            return incomplete(format!("{} {what}", path.display()));
         }
         Err(e) => return Some(Wholeness::Unreadable(format!("{} cannot be read: {e}", path.display()))),
     }

@@ -39,6 +39,7 @@ impl From<StoreError> for Refusal {
             StoreError::NoSuchJob(_) => StatusCode::NOT_FOUND,
             StoreError::Illegal { .. } => StatusCode::CONFLICT,
             StoreError::Open { .. }
+            | StoreError::Missing { .. }
             | StoreError::Migrate { .. }
             | StoreError::Query(_)
             | StoreError::Unknown { .. } => {

@@ -5,7 +5,7 @@
 use axum::Json;
 use axum::body::to_bytes;
 use axum::extract::Request;
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
@@ -26,7 +26,7 @@ pub(super) async fn as_json(request: Request, next: Next) -> Response {
     let (mut parts, body) = answer.into_parts();
     let text = to_bytes(body, LONGEST).await.unwrap_or_default();
     let text = match String::from_utf8_lossy(&text).trim() {
-        "" => explain(status, &method, &path, parts.headers.get(header::ALLOW)),
+        "" => explain(status, &method, &path),
         text => text.to_string(),
     };
     parts.headers.remove(header::CONTENT_TYPE);
@@ -45,14 +45,13 @@ fn is_json(answer: &Response) -> bool {
 }
 
 /// What is said of a refusal that came without words.
-fn explain(status: StatusCode, method: &Method, path: &str, allow: Option<&HeaderValue>) -> String {
+fn explain(status: StatusCode, method: &Method, path: &str) -> String {
     match status {
         StatusCode::NOT_FOUND => {
             format!("there is nothing at {path}; the README lists the addresses of the API")
         }
         StatusCode::METHOD_NOT_ALLOWED => {
-            let allowed = allow.and_then(|allow| allow.to_str().ok()).unwrap_or("another method");
-            format!("{path} takes {allowed}, not {method}")
+            format!("{path} does not take {method}; the header `Allow` names what it takes")
         }
         StatusCode::REQUEST_TIMEOUT => "the request took too long; try again later".to_string(),
         StatusCode::PAYLOAD_TOO_LARGE => "the request's body is too large".to_string(),

@@ -8,6 +8,7 @@ use super::record_length;
 use super::source::Source;
 use super::vlr::{self, Vlr};
 use crate::cloud::attribute::ExtraField;
+use crate::words;
 
 /// What a LAS or LAZ file says of itself, as far as it is true.
 #[derive(Debug, Clone)]
@@ -115,8 +116,12 @@ pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError>
 }
 
 fn check_size(source: &Source, size: u16, standard: u16, notes: &mut Vec<String>) -> Result<(), LasError> {
-    if u64::from(size) < SMALLEST || u64::from(size) > source.bytes() {
-        let reason = format!("it says that it is {size} bytes long, the file has {}", source.bytes());
+    if u64::from(size) < SMALLEST {
+        let reason = format!("it says that it has {size} bytes, and no LAS header has fewer than {SMALLEST}");
+        return Err(LasError::header(source.path(), reason));
+    }
+    if u64::from(size) > source.bytes() {
+        let reason = format!("it says that it has {size} bytes, and the whole file has {}", source.bytes());
         return Err(LasError::header(source.path(), reason));
     }
     if size < standard {
@@ -143,15 +148,15 @@ impl Front {
         for (axis, (scale, offset)) in ["x", "y", "z"].iter().zip(self.scale().into_iter().zip(self.offset()))
         {
             if !scale.is_finite() || scale <= 0.0 {
-                return refuse(format!("the scale of {axis} is {scale}"));
+                return refuse(format!("the scale of {axis} is {}", words::number(scale)));
             }
             if !offset.is_finite() {
-                return refuse(format!("the offset of {axis} is {offset}"));
+                return refuse(format!("the offset of {axis} is {}", words::number(offset)));
             }
         }
         if self.points_at() < self.size {
             return refuse(format!(
-                "its points begin at byte {}, inside its {} bytes of header",
+                "its points are said to begin at byte {}, inside its {} bytes of header; one of the two is wrong",
                 self.points_at(),
                 self.size
             ));

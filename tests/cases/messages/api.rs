@@ -14,7 +14,7 @@ fn every_error_of_the_api_is_json() {
         ("GET /api/nothing".to_string(), "", 404, "/api/nothing"),
         ("GET /api".to_string(), "", 404, "/api"),
         ("DELETE /api/jobs".to_string(), "", 405, "DELETE"),
-        ("GET /api/jobs/1/retry".to_string(), "", 405, "POST"),
+        ("GET /api/jobs/1/retry".to_string(), "", 405, "GET"),
         ("GET /api/jobs/x".to_string(), "", 400, "x"),
         ("GET /api/jobs/99999999999999999999".to_string(), "", 400, "9"),
         ("GET /api/jobs/7".to_string(), "", 404, "job 7"),

@@ -1,0 +1,152 @@
+//! What people write for values, and how numbers are written for people: names of
+//! a choice in any letter case, yes and no in the usual words.
+
+use clap::ValueEnum;
+use serde::de::{Deserialize, Deserializer, Error, Visitor};
+
+/// The choice that a text names, in any letter case and with `-` or `_`; the error
+/// tells what there is to choose from.
+pub fn choice<T: ValueEnum>(text: &str) -> Result<T, String> {
+    let name = text.trim().replace('_', "-");
+    T::from_str(&name, true).or_else(|_| T::from_str(text.trim(), true)).map_err(|_| {
+        let known: Vec<String> = T::value_variants()
+            .iter()
+            .filter_map(|value| Some(format!("`{}`", value.to_possible_value()?.get_name())))
+            .collect();
+        format!("`{text}` is none of {}", known.join(", "))
+    })
+}
+
+/// Reads an enum from its name by [`choice`].
+#[macro_export]
+#[doc(hidden)]
+macro_rules! deserialize_choice {
+    ($($name:ty),+ $(,)?) => {$(
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+                let text = <String as serde::Deserialize>::deserialize(deserializer)?;
+                $crate::words::choice(&text).map_err(serde::de::Error::custom)
+            }
+        }
+    )+};
+}
+
+/// Yes or no, as people write it.
+pub fn yes_or_no(text: &str) -> Result<bool, String> {
+    match text.trim().to_lowercase().as_str() {
+        "true" | "yes" | "on" | "1" | "y" | "t" => Ok(true),
+        "false" | "no" | "off" | "0" | "n" | "f" => Ok(false),
+        _ => Err(format!(
+            "`{text}` is neither yes nor no; write `true` or `false`, yes or no, on or off, 1 or 0"
+        )),
+    }
+}
+
+/// For fields of a file that are `true`, `"yes"`, `1` or not there.
+pub fn optional_switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<bool>, D::Error> {
+    struct Switch;
+    impl Visitor<'_> for Switch {
+        type Value = bool;
+        fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+            f.write_str("yes or no")
+        }
+        fn visit_bool<E: Error>(self, value: bool) -> Result<bool, E> {
+            Ok(value)
+        }
+        fn visit_str<E: Error>(self, text: &str) -> Result<bool, E> {
+            yes_or_no(text).map_err(E::custom)
+        }
+        fn visit_i64<E: Error>(self, number: i64) -> Result<bool, E> {
+            yes_or_no(&number.to_string()).map_err(E::custom)
+        }
+        fn visit_u64<E: Error>(self, number: u64) -> Result<bool, E> {
+            yes_or_no(&number.to_string()).map_err(E::custom)
+        }
+    }
+    struct Value(bool);
+    impl<'de> Deserialize<'de> for Value {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Value, D::Error> {
+            deserializer.deserialize_any(Switch).map(Value)
+        }
+    }
+    Ok(Option::<Value>::deserialize(deserializer)?.map(|value| value.0))
+}
+
+/// A number for people: as it is written usually, and where that would be a row of
+/// zeros with its power of ten.
+pub fn number(value: f64) -> String {
+    match value.abs() {
+        size if size.is_finite() && size != 0.0 && !(1e-9..1e15).contains(&size) => format!("{value:e}"),
+        _ => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+    enum Pace {
+        Slow,
+        #[value(alias = "UNCOMPRESSED")]
+        VeryFast,
+    }
+    deserialize_choice!(Pace);
+
+    #[test]
+    fn choices_are_read_in_any_letter_case() {
+        for (text, pace) in [
+            ("slow", Pace::Slow),
+            ("SLOW", Pace::Slow),
+            (" Very_Fast ", Pace::VeryFast),
+            ("very-FAST", Pace::VeryFast),
+        ] {
+            assert_eq!(choice(text), Ok(pace), "{text}");
+        }
+        assert_eq!(serde_json::from_str::<Pace>(r#""Uncompressed""#).ok(), Some(Pace::VeryFast));
+        let error = serde_json::from_str::<Pace>(r#""best""#).expect_err("none").to_string();
+        assert!(error.contains("`best` is none of `slow`, `very-fast`"), "{error}");
+    }
+
+    #[test]
+    fn yes_and_no_are_read_as_people_write_them() {
+        for yes in ["true", "TRUE", "Yes", "on", "ON", "1", " y "] {
+            assert_eq!(yes_or_no(yes), Ok(true), "{yes}");
+        }
+        for no in ["false", "False", "NO", "off", "0", "n"] {
+            assert_eq!(yes_or_no(no), Ok(false), "{no}");
+        }
+        for neither in ["", "2", "ja", "tru e"] {
+            assert!(yes_or_no(neither).is_err(), "{neither}");
+        }
+        #[derive(serde::Deserialize)]
+        struct Settings {
+            #[serde(default, deserialize_with = "optional_switch")]
+            on: Option<bool>,
+        }
+        for (text, on) in
+            [("", None), ("on = 'Yes'", Some(true)), ("on = 0", Some(false)), ("on = true", Some(true))]
+        {
+            assert_eq!(toml::from_str::<Settings>(text).expect("read").on, on, "{text}");
+        }
+        assert!(
+            toml::from_str::<Settings>("on = 2").is_err() && toml::from_str::<Settings>("on = 'x'").is_err()
+        );
+    }
+
+    #[test]
+    fn no_number_is_a_row_of_zeros() {
+        for (value, text) in [
+            (f64::MAX, "1.7976931348623157e308"),
+            (-1e300, "-1e300"),
+            (5e-324, "5e-324"),
+            (0.0, "0"),
+            (0.001, "0.001"),
+            (637_425.79, "637425.79"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+}
