@@ -16,6 +16,8 @@ pub enum InputsError {
     },
     #[error("there is no LAS or LAZ file in {}; name files, or a folder that holds some", .0.display())]
     EmptyFolder(PathBuf),
+    #[error("folders are nested more than {DEEPEST_FOLDER} deep at {}; move what lies below it up", .0.display())]
+    TooDeep(PathBuf),
     #[error("{} names no input", .0.display())]
     EmptyList(PathBuf),
     #[error("lists of files are nested more than {0} deep; does {1} name itself?")]
@@ -23,6 +25,10 @@ pub enum InputsError {
 }
 
 const DEEPEST_LIST: usize = 8;
+
+/// How deep tiles may lie below a folder that is named. Deeper ones are an error, not
+/// left out.
+pub const DEEPEST_FOLDER: usize = 200;
 
 /// Whether a file's name ends as LAS and LAZ files' do, in any letter case.
 pub fn is_las_name(path: &Path) -> bool {
@@ -54,7 +60,7 @@ fn expand_one(argument: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result
         return Ok(());
     }
     let before = files.len();
-    walk(argument, files).map_err(read)?;
+    walk(argument, 0, files)?;
     if files.len() == before {
         return Err(InputsError::EmptyFolder(argument.to_path_buf()));
     }
@@ -90,13 +96,18 @@ fn beside(folder: &Path, name: &str) -> PathBuf {
 
 /// LAS and LAZ files below a folder, sorted; links to folders are not followed,
 /// so that no circle of them is walked for ever.
-fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
-    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
-    entries.sort_by_key(|e| e.file_name());
+fn walk(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), InputsError> {
+    if depth > DEEPEST_FOLDER {
+        return Err(InputsError::TooDeep(folder.to_path_buf()));
+    }
+    let read = |source| InputsError::Read { path: folder.to_path_buf(), source };
+    let mut entries: Vec<_> =
+        fs::read_dir(folder).and_then(Iterator::collect::<io::Result<_>>).map_err(read)?;
+    entries.sort_by_key(|e: &fs::DirEntry| e.file_name());
     for entry in entries {
-        let kind = entry.file_type()?;
+        let kind = entry.file_type().map_err(read)?;
         if kind.is_dir() {
-            walk(&entry.path(), files)?;
+            walk(&entry.path(), depth + 1, files)?;
         } else if is_las_name(&entry.path()) && entry.path().is_file() {
             files.push(entry.path());
         }
@@ -125,5 +136,20 @@ mod tests {
         fs::create_dir(at("empty")).unwrap();
         assert!(matches!(expand(&[at("empty")]), Err(InputsError::EmptyFolder(_))));
         assert!(matches!(expand(&[at("missing.las")]), Err(InputsError::Read { .. })));
+    }
+
+    #[test]
+    fn deep_folders_are_read_or_an_error() {
+        let root = tempfile::tempdir().unwrap();
+        for (depth, found) in [(25, true), (DEEPEST_FOLDER, true), (DEEPEST_FOLDER + 1, false)] {
+            let top = root.path().join(depth.to_string());
+            let folder = (0..depth).fold(top.clone(), |folder, _| folder.join("f"));
+            fs::create_dir_all(&folder).unwrap();
+            fs::write(folder.join("a.las"), b"").unwrap();
+            match expand(&[top]) {
+                Ok(files) => assert!(found && files.len() == 1, "{depth}"),
+                Err(error) => assert!(!found && matches!(error, InputsError::TooDeep(_)), "{error}"),
+            }
+        }
     }
 }

@@ -14,10 +14,18 @@ use crate::format::las::{Checked, LasError, LasFile};
 /// [`leave_out`].
 pub fn open(path: &Path, damaged: Damaged, context: &Context) -> Result<LasFile> {
     let links = context.disk.links();
-    match damaged {
-        Damaged::Fail => LasFile::open_with(path, links).map_err(|error| explained(error, context)),
-        Damaged::Keep => Ok(LasFile::open_readable_with(path, links)?),
-    }
+    let mut file = match damaged {
+        Damaged::Fail => LasFile::open_with(path, links).map_err(|error| explained(error, context))?,
+        Damaged::Keep => LasFile::open_readable_with(path, links)?,
+    };
+    file.bound_slices(most_slice(context));
+    Ok(file)
+}
+
+/// Bytes of a slice's records: every thread has one, and they are not to be more than a
+/// part of the memory. Chunks of the usual size fit at any limit.
+fn most_slice(context: &Context) -> u64 {
+    (context.memory_limit / (4 * context.threads.max(1) as u64)).max(8 << 20)
 }
 
 /// Leaves out of the inputs what cannot be decoded. Every LAZ chunk is decoded
@@ -57,7 +65,9 @@ pub fn explain(error: StageError, context: &Context) -> StageError {
 
 fn explained(error: LasError, context: &Context) -> StageError {
     match &error {
-        LasError::Cut { readable: 1.., .. } => StageError::Damaged { error, readable: None },
+        LasError::Cut { readable: 1.., .. } | LasError::Contradiction { .. } => {
+            StageError::Damaged { error, readable: None }
+        }
         LasError::Damaged { path, .. } => match readable(path, context) {
             Ok((there @ 1.., all)) => StageError::Damaged { error, readable: Some((there, all)) },
             Err(StageError::Cancelled) => StageError::Cancelled,
@@ -71,6 +81,7 @@ fn explained(error: LasError, context: &Context) -> StageError {
 /// Points that can be read, and those that are promised.
 fn readable(path: &Path, context: &Context) -> Result<(u64, u64)> {
     let mut file = LasFile::open_readable_with(path, context.disk.links())?;
+    file.bound_slices(most_slice(context));
     context.progress.begin(Stage::Survey, file.header().points);
     leave_out_of(&mut file, context)?;
     Ok((file.header().points, file.header().points + file.header().missing))

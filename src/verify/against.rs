@@ -12,10 +12,12 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
+use super::Request;
 use super::colours;
-use super::digest::{BUCKETS, Sum, bucket_of, digest};
+use super::digest::{Sum, bucket_of, digest, passes};
 use super::inputs::{self, Block};
 use super::octree::{Octree, position};
+use super::promises;
 use super::report::{Check, Comparison, EXAMPLES, PositionError, grouped, plural};
 use super::{VerifyError, value};
 
@@ -34,11 +36,17 @@ struct Inputs {
     /// Points in which a field is not zero that the octree lacks.
     lost: BTreeMap<String, u64>,
     mistyped: BTreeSet<String>,
+    by_file: BTreeMap<PathBuf, u64>,
 }
 
 impl Inputs {
     fn add(&mut self, block: Block, record_size: usize) {
         block.records.chunks_exact(record_size).for_each(|record| self.sum.add(record));
+        let points = (block.records.len() / record_size) as u64;
+        match self.by_file.get_mut(block.input.file.path()) {
+            Some(sum) => *sum += points,
+            None => drop(self.by_file.insert(block.input.file.path().to_path_buf(), points)),
+        }
         self.position.merge(block.converted.position);
         self.unreachable += block.converted.unreachable;
         for ((name, _), count) in block.input.mapping.left.iter().zip(block.converted.lost) {
@@ -53,6 +61,7 @@ impl Inputs {
         self.unreachable += other.unreachable;
         other.lost.into_iter().for_each(|(name, count)| *self.lost.entry(name).or_default() += count);
         self.mistyped.extend(other.mistyped);
+        other.by_file.into_iter().for_each(|(path, count)| *self.by_file.entry(path).or_default() += count);
         self
     }
 }
@@ -62,8 +71,9 @@ pub fn compare(
     octree: &Octree,
     sum: &Sum,
     files: &[PathBuf],
-    memory_limit: u64,
+    request: &Request,
 ) -> Result<Comparison, VerifyError> {
+    let memory_limit = request.memory_limit;
     let record_size = octree.schema.record_size();
     let found =
         inputs::fold(files, octree, Inputs::default, |i, block| i.add(block, record_size), Inputs::merge)?;
@@ -94,6 +104,7 @@ pub fn compare(
             // Each of those that were dropped may be beyond it on all axes.
             positions(&found, aside.unreachable + 3 * octree.dropped),
             attributes(octree, &found, left_out),
+            promises::check(files, &found.by_file, request.damaged),
         ]
         .into_iter()
         .chain(colours::note(octree))
@@ -332,23 +343,6 @@ fn point(octree: &Octree, record: &[u8]) -> String {
     format!("{at:?} = ({:.4}, {:.4}, {:.4})", world[0], world[1], world[2])
 }
 
-/// Groups of buckets, each with at most so many records (but at least a bucket).
-fn passes(differing: &[(usize, u64)], records: u64) -> Vec<Vec<bool>> {
-    let mut passes: Vec<Vec<bool>> = Vec::new();
-    let mut held = u64::MAX;
-    for &(bucket, count) in differing {
-        held = held.saturating_add(count);
-        if held > records {
-            passes.push(vec![false; BUCKETS]);
-            held = count;
-        }
-        if let Some(pass) = passes.last_mut() {
-            pass[bucket] = true;
-        }
-    }
-    passes
-}
-
 fn hashes_of_inputs(octree: &Octree, files: &[PathBuf], buckets: &[bool]) -> Result<Vec<u128>, VerifyError> {
     let record_size = octree.schema.record_size();
     let each =
@@ -395,14 +389,6 @@ fn fold_octree<A: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn passes_keep_to_the_memory() {
-        let differing = [(1, 10), (2, 10), (7, 25), (9, 1)];
-        let chosen = |pass: &Vec<bool>| (0..BUCKETS).filter(|&b| pass[b]).collect::<Vec<_>>();
-        let passes: Vec<Vec<usize>> = passes(&differing, 20).iter().map(chosen).collect();
-        assert_eq!(passes, [vec![1, 2], vec![7], vec![9]]);
-    }
 
     #[test]
     fn multisets_are_counted_one_by_one() {

@@ -84,10 +84,35 @@ impl Sum {
     }
 }
 
+/// Groups of buckets, each with at most so many records (but at least a bucket).
+pub fn passes(differing: &[(usize, u64)], records: u64) -> Vec<Vec<bool>> {
+    let mut passes: Vec<Vec<bool>> = Vec::new();
+    let mut held = u64::MAX;
+    for &(bucket, count) in differing {
+        held = held.saturating_add(count);
+        if held > records {
+            passes.push(vec![false; BUCKETS]);
+            held = count;
+        }
+        if let Some(pass) = passes.last_mut() {
+            pass[bucket] = true;
+        }
+    }
+    passes
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn passes_keep_to_the_memory() {
+        let differing = [(1, 10), (2, 10), (7, 25), (9, 1)];
+        let chosen = |pass: &Vec<bool>| (0..BUCKETS).filter(|&b| pass[b]).collect::<Vec<_>>();
+        let passes: Vec<Vec<usize>> = passes(&differing, 20).iter().map(chosen).collect();
+        assert_eq!(passes, [vec![1, 2], vec![7], vec![9]]);
+    }
 
     #[test]
     fn every_bit_of_a_record_turns_half_of_the_hash() {

@@ -13,6 +13,7 @@ mod digest;
 mod inputs;
 mod mapping;
 mod octree;
+mod promises;
 mod report;
 mod spacing;
 mod structure;
@@ -91,7 +92,7 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
     }
     let walk = walk::walk(&octree, !files.is_empty());
     if !files.is_empty() {
-        report.against = Some(against::compare(&octree, &walk.sum, &files, request.memory_limit)?);
+        report.against = Some(against::compare(&octree, &walk.sum, &files, request)?);
     }
     report.checks.extend(walk.checks(&octree, request.spacing));
     report.judge();

@@ -11,9 +11,8 @@ use super::marker::{self, Marker};
 use super::waiting::{Kind, Waiting};
 use super::{FileStamp, Found, events, foreign, names};
 use crate::disk::others::{self, Links};
+use crate::format::inputs::DEEPEST_FOLDER;
 
-/// How deep the tiles of a folder may lie.
-const DEEPEST: usize = 24;
 /// More words about what is not taken nobody reads.
 const MOST_REFUSED: usize = 10_000;
 
@@ -226,13 +225,15 @@ fn walk(folder: &Path, depth: Depth, candidate: &mut Candidate, scanned: &mut Sc
                 if name.starts_with('.') && !in_transfer {
                     continue;
                 }
-                if depth.folders < DEEPEST {
+                if depth.folders < DEEPEST_FOLDER {
                     let depth = Depth { folders: depth.folders + 1, in_transfer, ..depth };
                     walk(&path, depth, candidate, scanned);
                 } else {
                     let why = format!(
-                        "lies below more than {DEEPEST} folders, and is not looked into; bring it nearer"
+                        "lies below more than {DEEPEST_FOLDER} folders, and is not looked into; bring it nearer"
                     );
+                    // Without what is below, the set would not be whole.
+                    candidate.unreadable = Some(format!("{} {why}", path.display()));
                     scanned.refuse(&path, Kind::Refused, why);
                 }
             }

@@ -13,10 +13,14 @@ use super::LasError;
 use super::coding::guard;
 use super::source::Source;
 
+/// Bytes of a table; one of twenty million chunks takes less.
+const MOST_BYTES: u64 = 64 << 20;
+
 /// A table that was read, or why it cannot be.
 pub enum Table {
-    /// Points (0 where all chunks have the same) and bytes of every chunk.
-    Good(Vec<(u64, u64)>),
+    /// One that can be: where it begins, and points (0 where all chunks have the
+    /// same) and bytes of every chunk. They may be too few.
+    Good { at: u64, entries: Vec<(u64, u64)> },
     /// There is none, or it is nonsense.
     Bad(String),
     /// It should lie behind the end of the file.
@@ -24,8 +28,7 @@ pub enum Table {
 }
 
 /// Reads the table of a file whose points begin at `start` with the table's
-/// place. `variable` tables say points, too; no chunk but an empty one is
-/// shorter than a record.
+/// place. `variable` tables say points, too.
 pub fn read(
     source: &Source,
     start: u64,
@@ -52,19 +55,15 @@ pub fn read(
     if at < data_start {
         return Ok(Table::Bad("its chunk table should lie in front of its points".to_string()));
     }
+    // No chunk but an empty one is shorter than a record, and none lies in a hole.
     let room = at - data_start;
-    let entries = match entries(source, at, variable, room / record_length as u64 + 1)? {
+    let most = (room - source.holes(data_start, at).min(room)) / record_length as u64 + 1;
+    let entries = match entries(source, at, variable, most)? {
         Ok(entries) => entries,
         Err(reason) => return Ok(Table::Bad(reason)),
     };
     match entries.iter().try_fold(0u64, |sum, (_, bytes)| sum.checked_add(*bytes)) {
-        Some(total) if total <= room => {
-            if total < room {
-                let spare = room - total;
-                notes.push(format!("{spare} bytes between its chunks and their table belong to nothing"));
-            }
-            Ok(Table::Good(entries))
-        }
+        Some(total) if total <= room => Ok(Table::Good { at, entries }),
         _ => Ok(Table::Bad("its chunk table promises more bytes than there are".to_string())),
     }
 }
@@ -85,7 +84,7 @@ fn entries(
         return Ok(Err(format!("its chunk table of version {version} with {count} chunks is nonsense")));
     }
     // Two numbers of 32 bits take at most a dozen bytes in this coding.
-    let length = (64 + 24 * count).min(source.bytes() - at);
+    let length = (64 + 24 * count).min(source.bytes() - at).min(MOST_BYTES);
     let mut bytes = vec![0; length as usize];
     source.read_exact_at(&mut bytes, at)?;
     let table = guard(|| ChunkTable::read(&mut Cursor::new(bytes.as_slice()), variable));
@@ -93,6 +92,16 @@ fn entries(
         Ok(table) => Ok(table.into_iter().map(|entry| (entry.point_count, entry.byte_count)).collect()),
         Err(reason) => Err(format!("its chunk table cannot be read: {reason}")),
     })
+}
+
+/// Whether a chunk table of so many chunks begins there, as behind the last chunk of a
+/// file that only lacks the table's place.
+pub fn is_at(source: &Source, at: u64, chunks: u64) -> Result<bool, LasError> {
+    if at + 8 > source.bytes() {
+        return Ok(false);
+    }
+    let front = integer_at(source, at)? as u64;
+    Ok(front as u32 == 0 && front >> 32 == chunks)
 }
 
 fn integer_at(source: &Source, at: u64) -> Result<i64, LasError> {

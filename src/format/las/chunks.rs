@@ -1,13 +1,14 @@
 //! Where the chunks of a LAZ file lie: from its chunk table, which is checked
 //! against the file before it is believed; from the chunks themselves where
-//! there is none; and otherwise not at all, and the file is one stream. A writer
-//! that was stopped leaves no table, and LASzip 1 knew none.
+//! there is none, or it lacks some; and otherwise not at all, and the file is one
+//! stream. A writer that was stopped leaves no table, and LASzip 1 knew none.
 
+use super::behind::Reach;
 use super::chunk_table::{self, Table};
 use super::coding::Coding;
-use super::count::Claims;
+use super::count::{Behind, Claims, Evidence, Verdict, judge};
 use super::source::Source;
-use super::{LasError, Reading, stream};
+use super::{LasError, Reading};
 
 /// One chunk of points that can be decoded on its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,6 +31,10 @@ pub enum Layout {
         start: u64,
         end: u64,
         chunk_points: Option<u32>,
+        /// How many are read.
+        points: u64,
+        /// What lies behind them was looked at and is nothing.
+        settled: bool,
     },
 }
 
@@ -37,20 +42,11 @@ pub enum Layout {
 #[derive(Debug)]
 pub struct Located {
     pub layout: Layout,
-    /// Their true number.
-    pub points: u64,
+    pub verdict: Verdict,
     /// Nothing that a finished file has is missing.
     pub complete: bool,
-}
-
-impl Located {
-    fn complete(layout: Layout, points: u64) -> Located {
-        Located { layout, points, complete: true }
-    }
-
-    fn makeshift(layout: Layout, points: u64) -> Located {
-        Located { layout, points, complete: false }
-    }
+    /// Why the verdict is no simple one.
+    pub reason: String,
 }
 
 /// What the LASzip record says of chunks.
@@ -62,20 +58,6 @@ pub enum Chunking {
     Variable,
 }
 
-/// Why a readable table does not go with the rest of the file.
-enum Trouble {
-    /// It is the table that is wrong; there are other ways to the points.
-    Table(String),
-    /// It is right, and the header's count is not.
-    Header(String),
-}
-
-impl From<String> for Trouble {
-    fn from(reason: String) -> Trouble {
-        Trouble::Table(reason)
-    }
-}
-
 /// What is known of a LAZ file before its chunks are.
 pub struct Locator<'a> {
     pub source: &'a Source,
@@ -84,212 +66,224 @@ pub struct Locator<'a> {
     /// Where the points begin, and where they end at the latest.
     pub start: u64,
     pub end: u64,
+    /// Bytes between those that were ever written; a sparse file has holes.
+    pub written: u64,
     pub claims: Claims,
+    /// Where points may be expected.
+    pub reach: Reach,
     /// Strictly, only a chunk table that accounts for every byte will do. Where
     /// what can be read is asked for, a count may turn out to be too high.
     pub reading: Reading,
 }
 
-/// No LAZ coder gets more points into a byte than this: even a point that
-/// repeats the one before costs some thousandths of a bit in each of its
-/// fields. A count beyond it is a lie that would have memory prepared for it.
-const MOST_POINTS_A_BYTE: u64 = 1 << 16;
+/// What the chunk table of a file is worth.
+#[derive(Debug, Default)]
+pub struct Listed {
+    /// Chunks as it says them, one behind the other. Of chunks of one size the last has
+    /// as many points as the others, which need not be so.
+    pub chunks: Vec<Chunk>,
+    /// Where their bytes end.
+    pub end: u64,
+    /// Where the bytes of all chunks end at the latest: the table begins there.
+    pub limit: u64,
+    /// Why it cannot be used at all.
+    pub trouble: Option<String>,
+}
+
+impl Listed {
+    pub fn points(&self) -> u64 {
+        self.chunks.last().map_or(0, |chunk| chunk.first + chunk.points)
+    }
+
+    /// Whether every byte in front of it belongs to a chunk that it lists.
+    pub fn is_whole(&self) -> bool {
+        self.trouble.is_none() && self.end == self.limit
+    }
+}
+
+/// No LAZ coder gets more points into a byte than this. The most probable of n
+/// symbols takes (n − 1) of 32 768 parts of a coder's interval from the others, and no
+/// point is coded in less than a symbol of 64 and the lengths of three corrections:
+/// 0.0075 bits, or 1 070 points a byte. A count beyond twice that is a lie that would
+/// have memory prepared for it.
+pub const MOST_POINTS_A_BYTE: u64 = 2048;
 
 impl Locator<'_> {
     pub fn locate(&self, notes: &mut Vec<String>) -> Result<Located, LasError> {
-        let path = self.source.path();
-        let most = self.most();
-        let beyond = self.claims.candidates().all(|count| count > most) && self.claims.largest() > 0;
-        if beyond && self.reading != Reading::Readable {
-            let reason = format!(
-                "it says {} points, and {} bytes cannot hold as many",
-                self.claims.said(),
-                self.end.saturating_sub(self.start)
-            );
-            return Err(LasError::header(path, reason));
-        }
+        self.check_bound()?;
         self.claims.note_disagreement(notes);
-        let said = self.claims.candidates().find(|count| *count <= most);
-        let said = said.unwrap_or(if beyond { most } else { 0 });
         if self.chunking == Chunking::Whole {
-            let layout = Layout::Stream { start: self.start, end: self.end, chunk_points: None };
-            return Ok(Located::complete(layout, said));
+            return self.stream(None, self.start, self.end, None, notes);
         }
-        if said == 0 && self.end < self.start + 8 {
-            return Ok(Located::complete(Layout::Chunks(Vec::new()), 0));
+        if self.claims.said() == 0 && self.end < self.start + 8 {
+            return Ok(self.counted(Layout::Chunks(Vec::new()), 0));
         }
-        let variable = self.chunking == Chunking::Variable;
-        let table = chunk_table::read(self.source, self.start, variable, self.coding.record_length, notes)?;
-        let reason = match table {
-            Table::Good(entries) => match self.with_table(&entries, notes) {
-                Ok(found) => return Ok(found),
-                Err(Trouble::Header(reason)) => return Err(LasError::header(path, reason)),
-                Err(Trouble::Table(reason)) => reason,
-            },
-            Table::Bad(reason) => reason,
-            Table::Beyond if self.reading == Reading::Strict => {
-                "it should lie behind the end of the file".to_string()
-            }
-            Table::Beyond => {
-                let reason = "its chunk table should lie behind its end".to_string();
-                let whole = self.reading == Reading::Whole;
-                let readable = if whole { self.readable(said)? } else { said };
-                if readable < said {
-                    let path = path.to_path_buf();
-                    return Err(LasError::Cut { path, readable, points: said, reason });
-                }
-                reason
-            }
-        };
-        if self.reading == Reading::Strict {
-            let place = "its chunk table".to_string();
-            return Err(LasError::Damaged { path: path.to_path_buf(), place, reason });
+        let listed = self.listed(notes)?;
+        if let (Reading::Strict, Some(reason)) = (self.reading, &listed.trouble) {
+            let (path, place) = (self.source.path().to_path_buf(), "its chunk table".to_string());
+            return Err(LasError::Damaged { path, place, reason: reason.clone() });
         }
-        self.without_table(said, &reason, notes)
+        match self.chunking {
+            _ if self.coding.layered => self.layered(listed, notes),
+            Chunking::Fixed(each) => self.pointwise(listed, each, notes),
+            Chunking::Variable | Chunking::Whole => self.variable(listed, notes),
+        }
     }
 
     /// More points than this cannot be in the file's bytes.
-    fn most(&self) -> u64 {
-        self.end.saturating_sub(self.start).saturating_mul(MOST_POINTS_A_BYTE)
+    pub fn most(&self) -> u64 {
+        self.written.saturating_mul(MOST_POINTS_A_BYTE)
     }
 
-    /// Gives every chunk of the table its points.
-    fn with_table(&self, entries: &[(u64, u64)], notes: &mut Vec<String>) -> Result<Located, Trouble> {
-        let said = self.claims.said();
-        if entries.is_empty() && said > 0 {
-            return Err(Trouble::Table(format!("its chunk table is empty, its header says {said} points")));
+    /// A count that no LAZ can hold in so many bytes.
+    fn check_bound(&self) -> Result<(), LasError> {
+        let most = self.most();
+        let beyond = self.claims.largest() > 0 && self.claims.candidates().all(|count| count > most);
+        if !beyond || self.reading == Reading::Readable {
+            return Ok(());
         }
-        let mut chunks = Vec::with_capacity(entries.len());
-        let (mut first, mut at) = (0u64, self.start + 8);
+        let (said, bytes) = (self.claims.said(), self.written);
+        let reason = format!("it says {said} points, and {bytes} bytes cannot hold as many");
+        Err(LasError::header(self.source.path(), reason))
+    }
+
+    fn listed(&self, notes: &mut Vec<String>) -> Result<Listed, LasError> {
+        let start = self.start + 8;
+        let variable = self.chunking == Chunking::Variable;
+        let table = chunk_table::read(self.source, self.start, variable, self.coding.record_length, notes)?;
+        let without = |reason: String| Listed {
+            chunks: Vec::new(),
+            end: start,
+            limit: self.end.max(start),
+            trouble: Some(reason),
+        };
+        let (limit, entries) = match table {
+            Table::Good { at, entries } => (at, entries),
+            Table::Bad(reason) => return Ok(without(reason)),
+            Table::Beyond => return Ok(without("its chunk table should lie behind its end".to_string())),
+        };
+        let mut chunks: Vec<Chunk> = Vec::with_capacity(entries.len());
+        let (mut first, mut at) = (0u64, start);
         for (points, bytes) in entries {
             let points = match self.chunking {
-                Chunking::Fixed(points) => u64::from(points),
-                _ => *points,
+                Chunking::Fixed(each) => u64::from(each),
+                Chunking::Variable | Chunking::Whole => points,
             };
-            chunks.push(Chunk { first, points, at, bytes: *bytes });
-            first = first
-                .checked_add(points)
-                .ok_or_else(|| "its chunk table promises too many points".to_string())?;
+            let Some(next) = first.checked_add(points) else {
+                return Ok(without("its chunk table promises too many points".to_string()));
+            };
+            // An entry without points or bytes is no chunk.
+            if points > 0 && bytes > 0 {
+                chunks.push(Chunk { first, points, at, bytes });
+                first = next;
+            }
             at += bytes;
         }
-        let points = match (self.chunking, chunks.last_mut()) {
-            (Chunking::Fixed(each), Some(last)) => {
-                last.points = self.last_of_fixed(*last, u64::from(each))?;
-                last.first + last.points
-            }
-            _ => first,
-        };
-        if points > self.most() {
-            return Err(Trouble::Table(format!(
-                "its chunk table promises {points} points, more than its bytes can hold"
-            )));
-        }
-        chunks.retain(|chunk| chunk.points > 0);
-        if !self.claims.are(points) {
-            notes.push(format!(
-                "its header says {said} points, its chunks hold {points}; all of them are read"
-            ));
-        }
-        Ok(Located { layout: Layout::Chunks(chunks), points, complete: self.claims.are(points) })
-    }
-
-    /// In a file with chunks of one size, the last one is shorter and the table
-    /// does not say by how much: a layered chunk says it itself, of any other it
-    /// has to be what the header's count leaves.
-    fn last_of_fixed(&self, last: Chunk, each: u64) -> Result<u64, Trouble> {
-        let (before, said) = (last.first, self.claims.said());
         // Some writers close a chunk without a point in it.
-        if said == before && last.bytes < self.coding.record_length as u64 {
-            return Ok(0);
+        if let Some(last) = chunks.last()
+            && last.bytes < self.coding.record_length as u64
+            && (self.claims.are(last.first) || variable)
+        {
+            chunks.pop();
         }
-        if self.coding.layered {
-            let mut front = vec![0; self.coding.layered_front()];
-            if last.bytes < front.len() as u64 {
-                return Err(Trouble::Table(format!("its last chunk has only {} bytes", last.bytes)));
-            }
-            self.source.read_exact_at(&mut front, last.at).map_err(|e| e.to_string())?;
-            let (points, _) = self.coding.layered_extent(&front);
-            if points == 0 || points > each {
-                return Err(Trouble::Table(format!("its last chunk says that it has {points} points")));
-            }
-            return Ok(points);
-        }
-        let found = self.claims.candidates().find(|count| *count > before && *count <= before + each);
-        found.map(|points| points - before).ok_or_else(|| {
-            Trouble::Header(format!(
-                "it says {said} points, but its LAZ chunks hold {} to {}",
-                before + 1,
-                before + each
-            ))
-        })
+        Ok(Listed { chunks, end: at, limit, trouble: None })
     }
 
-    /// What can be done when the table is missing or wrong.
-    fn without_table(&self, said: u64, reason: &str, notes: &mut Vec<String>) -> Result<Located, LasError> {
-        let path = self.source.path();
-        if self.coding.layered {
-            // A header that counts none may be that of a writer that died.
-            let chunks = self.walk(if said == 0 { u64::MAX } else { said })?;
-            let points = chunks.last().map_or(0, |chunk| chunk.first + chunk.points);
-            if points < said && self.reading != Reading::Readable {
-                return Err(LasError::Cut {
-                    path: path.to_path_buf(),
-                    readable: points,
-                    points: said,
-                    reason: reason.to_string(),
-                });
-            }
-            notes.push(format!("{reason}; its chunks were found one by one"));
-            return Ok(Located::makeshift(Layout::Chunks(chunks), points));
+    pub fn counted(&self, layout: Layout, points: u64) -> Located {
+        let (verdict, complete) = (Verdict::Counted(points), self.claims.are(points));
+        Located { layout, verdict, complete, reason: String::new() }
+    }
+
+    /// Layered chunks say how many points and bytes they have.
+    fn layered(&self, mut listed: Listed, notes: &mut Vec<String>) -> Result<Located, LasError> {
+        if listed.is_whole() && self.set_last(&mut listed.chunks)? && self.claims.are(listed.points()) {
+            let points = listed.points();
+            return Ok(self.counted(Layout::Chunks(listed.chunks), points));
         }
-        match self.chunking {
-            Chunking::Fixed(each) => {
-                notes.push(format!("{reason}; it can only be read from front to back"));
-                let layout =
-                    Layout::Stream { start: self.start + 8, end: self.end, chunk_points: Some(each) };
-                Ok(Located::makeshift(layout, said))
+        let (chunks, end) = self.walk(&listed)?;
+        let points = chunks.last().map_or(0, |chunk| chunk.first + chunk.points);
+        let knows_end = listed.trouble.is_none();
+        let is_end = match knows_end {
+            true => end == listed.limit,
+            false => super::stream::is_end(self.source, end, listed.limit, chunks.len() as u64)?,
+        };
+        let spare = listed.limit.saturating_sub(end);
+        let reason = match &listed.trouble {
+            Some(reason) => reason.clone(),
+            None if is_end => "its chunks say so, and nothing is left behind them".to_string(),
+            None => format!("{spare} bytes between its chunks and their table belong to nothing"),
+        };
+        match &listed.trouble {
+            Some(reason) => notes.push(format!("{reason}; its chunks were found one by one")),
+            None if chunks.len() != listed.chunks.len() => notes.push(format!(
+                "its chunk table lists {} of its {} chunks; the others were found one by one",
+                listed.chunks.len(),
+                chunks.len()
+            )),
+            None if !is_end => notes.push(reason.clone()),
+            None => {}
+        }
+        let behind = Behind::Points;
+        let evidence =
+            Evidence { claims: self.claims, room: points, torn: !is_end, behind, header_is_exact: false };
+        let complete = knows_end && is_end && listed.is_whole() && self.claims.are(points);
+        Ok(Located { layout: Layout::Chunks(chunks), verdict: judge(&evidence), complete, reason })
+    }
+
+    /// Gives the last of chunks of one size the points that it says it has.
+    fn set_last(&self, chunks: &mut [Chunk]) -> Result<bool, LasError> {
+        let (Chunking::Fixed(_), Some(last)) = (self.chunking, chunks.last_mut()) else { return Ok(true) };
+        match self.front(last.at, last.at + last.bytes)? {
+            Some((points, _)) if points <= last.points => {
+                last.points = points;
+                Ok(true)
             }
-            _ if self.reading == Reading::Readable => {
-                notes.push(format!("{reason}; without it nobody knows where its chunks begin"));
-                Ok(Located::makeshift(Layout::Chunks(Vec::new()), 0))
-            }
-            _ => Err(LasError::Damaged {
-                path: path.to_path_buf(),
-                place: "every chunk".to_string(),
-                reason: reason.to_string(),
-            }),
+            _ => Ok(false),
         }
     }
 
-    /// Layered chunks one by one: each says how many points and bytes it has.
-    fn walk(&self, said: u64) -> Result<Vec<Chunk>, LasError> {
-        let mut chunks = Vec::new();
+    /// Points and bytes of the layered chunk that begins at `at`, if there is one that
+    /// ends at `end` at the latest.
+    fn front(&self, at: u64, end: u64) -> Result<Option<(u64, u64)>, LasError> {
         let mut front = vec![0; self.coding.layered_front()];
+        if end.saturating_sub(at) < front.len() as u64 {
+            return Ok(None);
+        }
+        self.source.read_exact_at(&mut front, at)?;
+        let (points, bytes) = self.coding.layered_extent(&front);
+        let most = match self.chunking {
+            Chunking::Fixed(each) => u64::from(each),
+            Chunking::Variable | Chunking::Whole => u64::from(u32::MAX),
+        };
+        let can_be = points > 0
+            && points <= most
+            && points <= bytes.saturating_mul(MOST_POINTS_A_BYTE)
+            && bytes <= end - at;
+        Ok(can_be.then_some((points, bytes)))
+    }
+
+    /// Layered chunks one by one, and where they end. Over a chunk whose front makes no
+    /// sense the table helps, where it knows one there.
+    fn walk(&self, listed: &Listed) -> Result<(Vec<Chunk>, u64), LasError> {
+        let mut chunks = Vec::new();
         let (mut first, mut at) = (0, self.start + 8);
-        while first < said && at + front.len() as u64 <= self.end {
-            self.source.read_exact_at(&mut front, at)?;
-            let (points, bytes) = self.coding.layered_extent(&front);
-            let most = match self.chunking {
-                Chunking::Fixed(each) => u64::from(each),
-                _ => u64::from(u32::MAX),
-            };
-            if points == 0 || points > most || points > said - first || at + bytes > self.end {
+        loop {
+            if listed.trouble.is_some() && chunk_table::is_at(self.source, at, chunks.len() as u64)? {
                 break;
             }
+            let known = listed.chunks.binary_search_by_key(&at, |chunk| chunk.at).ok();
+            let known = known.map(|place| {
+                let Chunk { points, bytes, .. } = listed.chunks[place];
+                // Of the last one of several of one size, what the header's count leaves.
+                let is_last = place + 1 == listed.chunks.len();
+                let left =
+                    self.claims.candidates().find(|count| (1..=points).contains(&count.wrapping_sub(first)));
+                (left.filter(|_| is_last).map_or(points, |count| count - first), bytes)
+            });
+            let Some((points, bytes)) = self.front(at, listed.limit)?.or(known) else { break };
             chunks.push(Chunk { first, points, at, bytes });
-            first += points;
-            at += bytes;
+            (first, at) = (first + points, at + bytes);
         }
-        Ok(chunks)
-    }
-
-    /// How many points are in a file that ends before its chunk table, as far as
-    /// counting them does not take long.
-    fn readable(&self, said: u64) -> Result<u64, LasError> {
-        if self.coding.layered {
-            let chunks = self.walk(said)?;
-            return Ok(chunks.last().map_or(0, |chunk| chunk.first + chunk.points));
-        }
-        Ok(stream::count_readable(self.source, self.coding, self.chunking, self.start + 8, said))
+        Ok((chunks, at))
     }
 }

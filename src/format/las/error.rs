@@ -23,6 +23,8 @@ pub enum LasError {
     Unsupported { path: PathBuf, reason: String },
     #[error("{} is cut or incomplete: {readable} of its {points} points could be read ({reason}); copy it again from where it came", path.display())]
     Cut { path: PathBuf, readable: u64, points: u64, reason: String },
+    #[error("the header of {} says {said} points, but {there} whole records are there ({reason}); nobody can say which is right: repair the header or export the file again", path.display())]
+    Contradiction { path: PathBuf, said: u64, there: u64, reason: String },
     #[error("{} is damaged: {place} cannot be decoded ({reason}); copy it again from where it came", path.display())]
     Damaged { path: PathBuf, place: String, reason: String },
     #[error("{} changed while it was being read: {reason}; start again once nobody writes to it", path.display())]
@@ -68,6 +70,7 @@ impl LasError {
             | LasError::Header { .. }
             | LasError::Unsupported { .. }
             | LasError::Cut { .. }
+            | LasError::Contradiction { .. }
             | LasError::Damaged { .. }
             | LasError::NotASlice { .. }
             | LasError::Write { .. } => false,

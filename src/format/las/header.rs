@@ -67,6 +67,15 @@ pub struct Front {
     pub compressed: bool,
 }
 
+/// Where points end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct End {
+    /// Where the file ends, or something begins that is certainly no point.
+    pub certain: u64,
+    /// Where the header says that something else begins, be it so or not.
+    pub said: u64,
+}
+
 /// The largest header of any version.
 const LARGEST: usize = 375;
 /// The smallest, that of versions 1.0 to 1.2.
@@ -177,7 +186,7 @@ impl Front {
     }
 
     /// Of the two tables of version 1.4, the large one if it says anything.
-    fn returns(&self) -> Vec<u64> {
+    pub fn returns(&self) -> Vec<u64> {
         let large = self.raw.large_file.iter().flat_map(|large| large.number_of_points_by_return).collect();
         let legacy = self.raw.number_of_points_by_return.map(u64::from).to_vec();
         let tables: [Vec<u64>; 2] = [large, legacy];
@@ -198,29 +207,42 @@ impl Front {
     }
 
     /// Where the extended records begin and how many there are said to be, if
-    /// that can be.
-    pub fn extended(&self, source: &Source, notes: &mut Vec<String>) -> Option<(u64, u32)> {
-        let evlr = self.raw.evlr.filter(|evlr| evlr.number_of_evlrs > 0)?;
-        if evlr.start_of_first_evlr < self.points_at() || evlr.start_of_first_evlr >= source.bytes() {
-            notes.push(format!(
-                "its extended records should begin at byte {}, which cannot be; they are ignored",
-                evlr.start_of_first_evlr
-            ));
-            return None;
+    /// that can be. One whose header counts none may have some all the same.
+    pub fn extended(&self, source: &Source, notes: &mut Vec<String>) -> Result<Option<(u64, u32)>, LasError> {
+        let Some(evlr) = self.raw.evlr else { return Ok(None) };
+        let (start, said) = (evlr.start_of_first_evlr, evlr.number_of_evlrs);
+        let can_be = start >= self.points_at() && start < source.bytes();
+        if said == 0 {
+            let is_one = can_be && vlr::is_extended_record(source, start)?;
+            return Ok(is_one.then_some((start, said)));
         }
-        Some((evlr.start_of_first_evlr, evlr.number_of_evlrs))
+        if !can_be {
+            notes.push(format!(
+                "its extended records should begin at byte {start}, which cannot be; they are ignored"
+            ));
+        }
+        Ok(can_be.then_some((start, said)))
     }
 
-    /// Where the records of plain LAS end at the latest: something else, or the
-    /// file's end, comes there.
-    pub fn points_end(&self, source: &Source) -> u64 {
-        let evlr = self.raw.evlr.filter(|e| e.number_of_evlrs > 0).map(|e| e.start_of_first_evlr);
-        let waveforms = self.raw.start_of_waveform_data_packet_record;
-        [evlr, waveforms]
-            .into_iter()
-            .flatten()
-            .filter(|at| *at > self.points_at())
-            .fold(source.bytes(), u64::min)
+    /// Where the points end at the latest: something else, or the file's end, comes
+    /// there.
+    pub fn points_end(&self, source: &Source) -> Result<End, LasError> {
+        let mut end = End { certain: source.bytes(), said: source.bytes() };
+        let extended = self.raw.evlr.map(|evlr| (evlr.start_of_first_evlr, evlr.number_of_evlrs));
+        let waveforms = self.raw.start_of_waveform_data_packet_record.map(|start| (start, 1));
+        for (start, said) in extended.into_iter().chain(waveforms) {
+            // 0 is where there are none, and inside the header nothing can be.
+            if start < self.points_at() || start >= source.bytes() {
+                continue;
+            }
+            if vlr::is_extended_record(source, start)? {
+                end.certain = end.certain.min(start);
+                end.said = end.said.min(start);
+            } else if said > 0 && start > self.points_at() {
+                end.said = end.said.min(start);
+            }
+        }
+        Ok(end)
     }
 
     /// The header for the world outside.

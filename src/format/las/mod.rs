@@ -7,16 +7,21 @@
 //! spite of a lie is read, and [`Header::notes`] says so; what cannot is an
 //! error that says how much could be.
 
+mod behind;
 mod chunk_table;
 mod chunks;
 mod coding;
 mod count;
 mod crs;
 mod error;
+mod explore;
 mod extra_bytes;
 mod fields;
 mod header;
 mod layout;
+mod mend;
+mod points;
+mod pointwise;
 mod readable;
 mod reader;
 mod source;

@@ -100,6 +100,9 @@ impl LasFile {
 
     fn drop_chunks(&mut self, lost: &[Lost]) {
         let Body::Chunks { chunks, .. } = &mut self.body else { return };
+        if let Some(Some(mended)) = self.mended.take() {
+            *chunks = mended;
+        }
         chunks.retain(|chunk| lost.binary_search_by_key(&chunk.first, |lost| lost.chunk.first).is_err());
         let mut first = 0;
         for chunk in chunks {

@@ -3,21 +3,16 @@
 
 use std::io;
 use std::path::Path;
-use std::sync::Arc;
-
-use laz::LazVlr;
-use laz::laszip::CompressorType;
+use std::sync::{Arc, OnceLock};
 
 use super::LasError;
-use super::chunks::{Chunk, Chunking, Layout, Locator};
+use super::chunks::{Chunk, Layout};
 use super::coding::Coding;
-use super::count::Claims;
-use super::header::{self, Front, Header};
+use super::header::{self, Header};
 use super::source::Source;
 use super::stream::Broken;
 use super::turnstile::Turnstile;
-use super::vlr::{self, Vlr};
-use super::{Reading, crs, extra_bytes};
+use super::{Reading, crs, extra_bytes, mend, points};
 use crate::disk::others::Links;
 
 /// Decoded bytes of a slice at most, however many points were asked for.
@@ -32,16 +27,11 @@ pub struct LasFile {
     source: Arc<Source>,
     pub(super) header: Header,
     pub(super) body: Body,
+    /// Where its chunks lie, if that is not where their table says.
+    pub(super) mended: OnceLock<Option<Vec<Chunk>>>,
     complete: bool,
-}
-
-/// What the points' part of a file turned out to be.
-struct Points {
-    body: Body,
-    count: u64,
-    missing: u64,
-    record_length: usize,
-    complete: bool,
+    /// Decoded bytes of a slice at most.
+    most_slice: u64,
 }
 
 /// Consecutive points of a file, as [`LasFile::slices`] cut them.
@@ -82,11 +72,11 @@ impl LasFile {
         let source = Arc::new(Source::open(path, links)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
-        let records = records(&source, &front, &mut notes)?;
+        let records = points::records(&source, &front, &mut notes)?;
         let points = if front.compressed {
-            compressed(&source, &front, &records, reading, &mut notes)?
+            points::compressed(&source, &front, &records, reading, &mut notes)?
         } else {
-            plain(&source, &front, reading, &mut notes)?
+            points::plain(&source, &front, reading, &mut notes)?
         };
 
         let mut header = front.finish(&source);
@@ -98,7 +88,17 @@ impl LasFile {
         header.crs = crs::find(&records, &mut notes);
         header.crs_records = crs::records(records);
         header.notes = notes;
-        Ok(LasFile { source, header, body: points.body, complete: points.complete })
+        let mended = OnceLock::new();
+        let mut file = LasFile {
+            source,
+            header,
+            body: points.body,
+            mended,
+            complete: points.complete,
+            most_slice: MOST_SLICE,
+        };
+        file.bound_slices(MOST_SLICE);
+        Ok(file)
     }
 
     /// Whether the file is finished by its own word: its header counts the
@@ -121,11 +121,23 @@ impl LasFile {
         &self.header
     }
 
+    /// Has no more than about so many bytes of records be decoded at once: with several
+    /// threads at it, many large chunks would be beyond the memory that there is.
+    pub fn bound_slices(&mut self, bytes: u64) {
+        self.most_slice = bytes.clamp(self.header.record_length as u64, MOST_SLICE);
+        let length = self.header.record_length as u64;
+        let Body::Chunks { coding, chunks } = &mut self.body else { return };
+        if chunks.iter().any(|chunk| chunk.points > MOST_CHUNK || chunk.points * length > self.most_slice) {
+            let layout = Layout::Chunks(std::mem::take(chunks));
+            self.body = Body::Stream(Turnstile::new(self.source.clone(), coding.clone(), layout));
+        }
+    }
+
     /// Consecutive slices of about `points` points that cover all of them. LAZ
     /// slices begin and end where its chunks do. Ask for them in this order:
     /// some LAZ files can only be decoded from front to back.
     pub fn slices(&self, points: u32) -> Vec<Slice> {
-        let most = (MOST_SLICE / self.header.record_length as u64).clamp(1, u64::from(u32::MAX));
+        let most = (self.most_slice / self.header.record_length as u64).clamp(1, u64::from(u32::MAX));
         let wanted = u64::from(points.max(1)).min(most);
         let Body::Chunks { chunks, .. } = &self.body else {
             return (0..self.header.points.div_ceil(wanted))
@@ -219,17 +231,34 @@ impl LasFile {
         for chunk in chunks {
             let (now, later) = records.split_at_mut(chunk.points as usize * coding.record_length);
             let start = (chunk.at - first.at) as usize;
-            coding.decode(&bytes[start..start + chunk.bytes as usize], now).map_err(|reason| {
+            let decoded = coding.decode(&bytes[start..start + chunk.bytes as usize], now);
+            if let Err(reason) = decoded
+                && !self.decode_mended(coding, chunk, now)?
+            {
                 let last = chunk.first + chunk.points - 1;
                 let place = format!(
                     "the LAZ chunk of {} bytes at byte {} with the points {} to {last}",
                     chunk.bytes, chunk.at, chunk.first
                 );
-                LasError::Damaged { path: self.path().to_path_buf(), place, reason }
-            })?;
+                return Err(LasError::Damaged { path: self.path().to_path_buf(), place, reason });
+            }
             records = later;
         }
         Ok(())
+    }
+
+    /// Decodes a chunk from where it really lies, if the table was wrong about that.
+    fn decode_mended(&self, coding: &Coding, chunk: &Chunk, records: &mut [u8]) -> Result<bool, LasError> {
+        let Body::Chunks { chunks, .. } = &self.body else { return Ok(false) };
+        let mended = self.mended.get_or_init(|| mend::borders(&self.source, coding, chunks));
+        let Some(mended) = mended else { return Ok(false) };
+        let found = mended.binary_search_by_key(&chunk.first, |other| other.first);
+        let Some(other) = found.ok().map(|place| &mended[place]).filter(|other| *other != chunk) else {
+            return Ok(false);
+        };
+        let mut bytes = vec![0; other.bytes as usize];
+        self.source.read_exact_at(&mut bytes, other.at)?;
+        Ok(coding.decode(&bytes, records).is_ok())
     }
 
     fn broken(&self, slice: Slice, broken: Broken) -> LasError {
@@ -252,118 +281,5 @@ impl LasFile {
     fn not_a_slice(&self, slice: Slice) -> LasError {
         let last = slice.first.saturating_add(u64::from(slice.points)).saturating_sub(1);
         LasError::NotASlice { path: self.path().to_path_buf(), first: slice.first, last }
-    }
-}
-
-/// The variable length records that mean something, the extended ones last.
-fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Vec<Vlr>, LasError> {
-    let said = front.raw.number_of_variable_length_records;
-    let mut records = vlr::read(source, front.size, front.points_at(), said, notes)?;
-    if let Some((start, said)) = front.extended(source, notes) {
-        records.extend(vlr::read_extended(source, start, said, notes)?);
-    }
-    Ok(records)
-}
-
-fn plain(
-    source: &Source,
-    front: &Front,
-    reading: Reading,
-    notes: &mut Vec<String>,
-) -> Result<Points, LasError> {
-    let length = usize::from(front.raw.point_data_record_length);
-    let claims = Claims::of(&front.raw);
-    let at = front.points_at();
-    // Where something else begins behind the points, they end there, unless
-    // its place is wrong and the points are all there.
-    let bytes = front.points_end(source).saturating_sub(at);
-    let (room, rest) = (bytes / length as u64, bytes % length as u64);
-    let all = source.bytes().saturating_sub(at);
-    let mut missing = 0;
-    let judged = claims.judge(room, rest, notes).or_else(|too_many| {
-        if all / (length as u64) < too_many.said {
-            let end = at.min(source.bytes()) + room * length as u64;
-            let reason = format!("the last whole record ends at byte {end}");
-            let (path, readable, points) = (source.path().to_path_buf(), room, too_many.said);
-            if reading != Reading::Readable {
-                return Err(LasError::Cut { path, readable, points, reason });
-            }
-            missing = points - readable;
-            notes.push(format!("{readable} of its {points} points are there: {reason}"));
-            return Ok(readable);
-        }
-        let (room, rest) = (all / length as u64, all % length as u64);
-        notes.push("its extended records or waveforms should begin among its points".to_string());
-        claims
-            .judge(room, rest.max(1), notes)
-            .map_err(|_| LasError::header(source.path(), "its counts contradict"))
-    })?;
-    let complete = claims.are(judged);
-    Ok(Points { body: Body::Plain { at }, count: judged, missing, record_length: length, complete })
-}
-
-fn compressed(
-    source: &Arc<Source>,
-    front: &Front,
-    records: &[Vlr],
-    reading: Reading,
-    notes: &mut Vec<String>,
-) -> Result<Points, LasError> {
-    let path = source.path();
-    let record = records
-        .iter()
-        .find(|r| r.is(LazVlr::USER_ID, LazVlr::RECORD_ID))
-        .ok_or_else(|| LasError::header(path, "it is marked as LAZ but has no LASzip record"))?;
-    let vlr = LazVlr::from_buffer(&record.data)
-        .map_err(|e| LasError::header(path, format!("its LASzip record cannot be read: {e}")))?;
-    let coding =
-        Coding::new(vlr.items(), front.point_format).map_err(|reason| LasError::unsupported(path, reason))?;
-    if coding.record_length != usize::from(front.raw.point_data_record_length) {
-        notes.push(format!(
-            "its header says records of {} bytes, its LASzip record {}",
-            front.raw.point_data_record_length, coding.record_length
-        ));
-    }
-    let locator = Locator {
-        source,
-        chunking: chunking(&record.data, &vlr).map_err(|reason| LasError::unsupported(path, reason))?,
-        coding: &coding,
-        start: front.points_at(),
-        end: front.points_end(source).max(front.points_at()),
-        claims: Claims::of(&front.raw),
-        reading,
-    };
-    let located = locator.locate(notes)?;
-    let missing = match reading {
-        Reading::Readable => locator.claims.said().saturating_sub(located.points),
-        Reading::Strict | Reading::Whole => 0,
-    };
-    if missing > 0 {
-        notes.push(format!("{} of its {} points are there", located.points, located.points + missing));
-    }
-    let record_length = coding.record_length;
-    let body = match located.layout {
-        Layout::Chunks(chunks) if chunks.iter().all(|chunk| is_small(chunk, record_length)) => {
-            Body::Chunks { coding, chunks }
-        }
-        layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
-    };
-    Ok(Points { body, count: located.points, missing, record_length, complete: located.complete })
-}
-
-fn is_small(chunk: &Chunk, record_length: usize) -> bool {
-    chunk.points <= MOST_CHUNK && chunk.points * record_length as u64 <= MOST_SLICE
-}
-
-/// How a LASzip record says that chunks are cut. The compressor is the first
-/// number of the record; `laz` keeps it to itself.
-fn chunking(data: &[u8], vlr: &LazVlr) -> Result<Chunking, String> {
-    match u16::from_le_bytes([data[0], data[1]]) {
-        kind if kind == CompressorType::PointWise as u16 => Ok(Chunking::Whole),
-        kind if kind == CompressorType::None as u16 => {
-            Err("its LASzip record says that it is not compressed".to_string())
-        }
-        _ if vlr.uses_variable_size_chunks() => Ok(Chunking::Variable),
-        _ => Ok(Chunking::Fixed(vlr.chunk_size())),
     }
 }

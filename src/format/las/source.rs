@@ -17,6 +17,9 @@ use crate::disk::others::{self, Links};
 /// than a process may have files; those beyond are opened for each read.
 const MOST_KEPT: usize = 64;
 
+/// Extents of a sparse file that are looked at.
+const MOST_EXTENTS: usize = 1 << 16;
+
 static KEPT: AtomicUsize = AtomicUsize::new(0);
 
 #[derive(Debug)]
@@ -156,6 +159,59 @@ impl Source {
             io::ErrorKind::InvalidInput => self.changed(&format!("something took its place: {error}")),
             _ => LasError::io(action, &self.path, error),
         }
+    }
+
+    /// Where a hole of a sparse file that reaches up to `end` begins, but not in
+    /// front of `from`; `end` where there is none, or the file system tells nothing.
+    pub fn hole_before(&self, end: u64, from: u64) -> u64 {
+        let data_from = |at: u64| {
+            self.with(|file| match rustix::fs::seek(file, rustix::fs::SeekFrom::Data(at)) {
+                Ok(data) => Ok(data),
+                // There is nothing but a hole up to the file's end.
+                Err(rustix::io::Errno::NXIO) => Ok(u64::MAX),
+                Err(error) => Err(error.into()),
+            })
+        };
+        let is_hole = |at: u64| data_from(at).is_ok_and(|data| data >= end);
+        if from >= end || !is_hole(end - 1) {
+            return end;
+        }
+        if is_hole(from) {
+            return from;
+        }
+        // Not the lowest of all places that will do where data and holes alternate.
+        let (mut data, mut hole) = (from, end - 1);
+        while hole - data > 1 {
+            let middle = data + (hole - data) / 2;
+            if is_hole(middle) { hole = middle } else { data = middle }
+        }
+        hole
+    }
+
+    /// Bytes between `from` and `to` that were never written: holes of a sparse file.
+    pub fn holes(&self, from: u64, to: u64) -> u64 {
+        if to <= from {
+            return 0;
+        }
+        let measured = self.with(|file| {
+            let (mut at, mut data) = (from, 0);
+            for _ in 0..MOST_EXTENTS {
+                let start = match rustix::fs::seek(file, rustix::fs::SeekFrom::Data(at)) {
+                    Ok(start) if start < to => start,
+                    Ok(_) | Err(rustix::io::Errno::NXIO) => return Ok(to - from - data),
+                    Err(error) => return Err(error.into()),
+                };
+                let end = rustix::fs::seek(file, rustix::fs::SeekFrom::Hole(start))?.min(to);
+                data += end - start;
+                at = end;
+                if at >= to {
+                    return Ok(to - from - data);
+                }
+            }
+            // So torn that it is not worth looking further: what is left counts as data.
+            Ok(at - from - data)
+        });
+        measured.unwrap_or(0)
     }
 
     fn changed(&self, reason: &str) -> LasError {

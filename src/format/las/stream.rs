@@ -6,19 +6,27 @@ use std::sync::Arc;
 
 use laz::record::RecordDecompressor;
 
-use super::chunks::{Chunk, Chunking, Layout};
+use super::chunks::{Chunk, Layout};
 use super::coding::{Coding, guard};
-use super::fields;
 use super::source::Source;
+use super::{LasError, chunk_table, fields};
 
+/// Bytes that are looked at to tell padding from points.
+const MOST_PADDING: u64 = 1 << 20;
 /// Points that are decoded into nothing at a time.
 pub const SKIP: u64 = 10_000;
-/// Compressed bytes that are decoded only to say how many points a cut file
-/// still has; that takes a few seconds.
-const MOST_TO_COUNT: u64 = 64 << 20;
-/// And chunks: a decoder takes up to a millisecond to set up, be its chunk of a
-/// single point. Where all of these are sound, only reading can tell about the rest.
-pub const MOST_CHUNKS_TO_COUNT: u64 = 1_000;
+/// Whether points that end at `at` in a file of so many chunks end where they should:
+/// at `end`, or at a chunk table, or only padding follows.
+pub fn is_end(source: &Source, at: u64, end: u64, chunks: u64) -> Result<bool, LasError> {
+    if at >= end || chunks > 0 && chunk_table::is_at(source, at, chunks)? {
+        return Ok(true);
+    }
+    let mut rest = vec![0; (end - at).min(MOST_PADDING) as usize];
+    source.read_exact_at(&mut rest, at)?;
+    // One that was cut within the first words of its table shows only those.
+    let is_torn_table = rest.len() < 8 && rest.iter().take(4).all(|byte| *byte == 0);
+    Ok(is_torn_table || rest.iter().all(|byte| *byte == rest[0]))
+}
 
 /// Why decoding ended, and how many points came before.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -45,6 +53,7 @@ pub struct Stream {
     left: u64,
     /// The next entry of [`Layout::Chunks`].
     next_chunk: usize,
+    source: Arc<Source>,
     state: Decoder,
 }
 
@@ -74,8 +83,9 @@ impl Stream {
             ),
             Layout::Stream { start, end, .. } => (*start, *end),
         };
-        let window = BufReader::with_capacity(1 << 16, Range { source, position, end, failed: false });
-        Stream { decoded: 0, chunk_first: 0, left: 0, next_chunk: 0, state: Decoder::Idle(window) }
+        let window =
+            BufReader::with_capacity(1 << 16, Range { source: source.clone(), position, end, failed: false });
+        Stream { decoded: 0, chunk_first: 0, left: 0, next_chunk: 0, source, state: Decoder::Idle(window) }
     }
 
     pub fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
@@ -92,7 +102,36 @@ impl Stream {
         if self.left == 0 {
             self.close(layout).map_err(|reason| self.broken(reason))?;
         }
-        Ok(())
+        self.check_end(layout)
+    }
+
+    /// Where the next byte lies that no point has used.
+    pub fn position(&mut self) -> u64 {
+        let window = match &mut self.state {
+            Decoder::Running(decoder) => decoder.get_mut(),
+            Decoder::Idle(window) => window,
+            Decoder::Gone => return 0,
+        };
+        window.get_ref().position - window.buffer().len() as u64
+    }
+
+    /// Behind the last point nothing may be left that could be another.
+    fn check_end(&mut self, layout: &Layout) -> Result<(), Broken> {
+        let Layout::Stream { end, chunk_points, points, settled: false, .. } = layout else { return Ok(()) };
+        if self.decoded != *points {
+            return Ok(());
+        }
+        let at = self.position();
+        let chunks = chunk_points.map_or(0, |each| points.div_ceil(u64::from(each)));
+        match is_end(&self.source, at, *end, chunks) {
+            Ok(false) => {
+                let reason = format!("{} bytes are left behind the last of its {points} points", end - at);
+                let (readable, sound) = (self.decoded, self.decoded);
+                Err(Broken { readable, sound, reason, ended: false, unread: false })
+            }
+            Err(error) => Err(Broken { unread: true, ..self.broken(error.to_string()) }),
+            Ok(true) => Ok(()),
+        }
     }
 
     /// Decodes within the current chunk.
@@ -236,29 +275,4 @@ impl Seek for Range {
         self.position = target.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.position)
     }
-}
-
-/// How many points can be decoded from `start` on, up to `said`. Looks only at
-/// the first of a large file's bytes; then it is a lower bound. Of many chunks it
-/// tries the first, and believes in the others until they are read.
-pub fn count_readable(source: &Source, coding: &Coding, chunking: Chunking, start: u64, said: u64) -> u64 {
-    let Ok(source) = source.reopen() else { return 0 };
-    let end = source.bytes().min(start.saturating_add(MOST_TO_COUNT));
-    let chunk_points = match chunking {
-        Chunking::Fixed(points) => Some(points),
-        Chunking::Whole => None,
-        // Without the table nobody knows where one chunk ends.
-        Chunking::Variable => return 0,
-    };
-    let tried = chunk_points.map_or(said, |each| said.min(u64::from(each) * MOST_CHUNKS_TO_COUNT));
-    let layout = Layout::Stream { start, end, chunk_points };
-    let mut stream = Stream::new(Arc::new(source), &layout);
-    let mut nothing = vec![0; SKIP as usize * coding.record_length];
-    while stream.decoded < tried {
-        let points = (tried - stream.decoded).min(SKIP) as usize;
-        if let Err(broken) = stream.decode(coding, &layout, &mut nothing[..points * coding.record_length]) {
-            return broken.sound;
-        }
-    }
-    said
 }

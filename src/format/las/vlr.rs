@@ -8,8 +8,11 @@ use super::source::Source;
 /// Bytes in front of a record's data, and of an extended one's.
 const FRONT: u64 = 54;
 const EXTENDED_FRONT: u64 = 60;
-/// Data longer than this is passed over; no record that is read here needs it.
-const MOST_DATA: u64 = 16 << 20;
+/// Data of records that is kept of a file, in all; the longest that can mean anything
+/// are GeoTIFF's numbers of 64-bit floats, 512 KiB of them, and WKT. More is passed over.
+const MOST_DATA_IN_ALL: u64 = 4 << 20;
+/// Extended records that are passed over and told of one by one.
+const MOST_TOLD: usize = 5;
 /// Records that are looked at; real files have a handful, and hostile ones
 /// could have one every 54 bytes.
 const MOST_RECORDS: usize = 10_000;
@@ -63,6 +66,7 @@ pub fn read(
     let mut records = Vec::new();
     let mut position = start;
     let mut found = 0;
+    let mut room = MOST_DATA_IN_ALL;
     while position + FRONT <= end && found < MOST_RECORDS {
         let mut front = [0; FRONT as usize];
         source.read_exact_at(&mut front, position)?;
@@ -80,8 +84,9 @@ pub fn read(
                 break;
             }
         }
-        if is_known(&user, id) {
+        if is_known(&user, id) && length <= room {
             let length = length.min(end - position - FRONT);
+            room -= length;
             let mut data = vec![0; length as usize];
             source.read_exact_at(&mut data, position + FRONT)?;
             records.push(Vlr { user, id, data });
@@ -95,7 +100,8 @@ pub fn read(
     Ok(records)
 }
 
-/// The extended records, from `start` to the end of the file.
+/// The extended records, from `start` to the end of the file. What is not needed is
+/// passed over, and so is what is needed once and comes again.
 pub fn read_extended(
     source: &Source,
     start: u64,
@@ -103,24 +109,36 @@ pub fn read_extended(
     notes: &mut Vec<String>,
 ) -> Result<Vec<Vlr>, LasError> {
     let end = source.bytes();
-    let mut records = Vec::new();
+    let mut records: Vec<Vlr> = Vec::new();
     let mut position = start;
     let mut found = 0;
-    while found < said as usize && found < MOST_RECORDS && end.saturating_sub(position) >= EXTENDED_FRONT {
-        let mut front = [0; EXTENDED_FRONT as usize];
-        source.read_exact_at(&mut front, position)?;
-        let mut length = [0; 8];
-        length.copy_from_slice(&front[20..28]);
-        let length = u64::from_le_bytes(length);
-        let (user, id) = (text(&front[2..18]), u16::from_le_bytes([front[18], front[19]]));
-        let Some(next) = (position + EXTENDED_FRONT).checked_add(length).filter(|next| *next <= end) else {
+    let mut room = MOST_DATA_IN_ALL;
+    while found < MOST_RECORDS && end.saturating_sub(position) >= EXTENDED_FRONT {
+        let Extended { user, id, length } = extended_at(source, position)?;
+        let next = (position + EXTENDED_FRONT).checked_add(length).filter(|next| *next <= end);
+        // Behind the last one that the header counts, only what is certainly a
+        // record is taken for one.
+        if found >= said as usize && !(next.is_some() && is_known(&user, id)) {
+            break;
+        }
+        let Some(next) = next else {
             notes.push(format!("the extended record \"{user}\" {id} reaches past the end of the file"));
             break;
         };
-        if is_known(&user, id) && length <= MOST_DATA {
+        // Of extra bytes there may be several; they are small.
+        let is_new = id == 4 || !records.iter().any(|record| record.is(&user, id));
+        if is_known(&user, id) && is_new && length <= room {
             let mut data = vec![0; length as usize];
             source.read_exact_at(&mut data, position + EXTENDED_FRONT)?;
             records.push(Vlr { user, id, data });
+            room -= length;
+        } else if is_known(&user, id) {
+            let why = if is_new { "is too long to mean anything" } else { "comes again" };
+            if found < MOST_TOLD {
+                notes.push(format!(
+                    "the extended record \"{user}\" {id} of {length} bytes {why}; it is passed over"
+                ));
+            }
         }
         found += 1;
         position = next;
@@ -129,6 +147,36 @@ pub fn read_extended(
         notes.push(format!("the header says {said} extended records, there are {found}"));
     }
     Ok(records)
+}
+
+/// The front of an extended record.
+struct Extended {
+    user: String,
+    id: u16,
+    length: u64,
+}
+
+fn extended_at(source: &Source, position: u64) -> Result<Extended, LasError> {
+    let mut front = [0; EXTENDED_FRONT as usize];
+    source.read_exact_at(&mut front, position)?;
+    let mut length = [0; 8];
+    length.copy_from_slice(&front[20..28]);
+    let length = u64::from_le_bytes(length);
+    Ok(Extended { user: text(&front[2..18]), id: u16::from_le_bytes([front[18], front[19]]), length })
+}
+
+/// Whether an extended record begins there, beyond doubt: with the name of a user, in
+/// letters, and data that the file has.
+pub fn is_extended_record(source: &Source, position: u64) -> Result<bool, LasError> {
+    if source.bytes().saturating_sub(position) < EXTENDED_FRONT {
+        return Ok(false);
+    }
+    let mut user = [0; 16];
+    source.read_exact_at(&mut user, position + 2)?;
+    let letters = user.iter().take_while(|byte| (b' '..=b'~').contains(byte)).count();
+    let length = extended_at(source, position)?.length;
+    let fits = length <= source.bytes() - position - EXTENDED_FRONT;
+    Ok(fits && letters > 2 && user[letters..].iter().all(|byte| *byte == 0))
 }
 
 fn is_known(user: &str, id: u16) -> bool {

@@ -4,8 +4,10 @@
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::{LazVlr, LazVlrBuilder};
 
+use super::super::Reading;
+use crate::disk::others::Links;
 use super::super::coding::Coding;
-use super::super::stream::MOST_CHUNKS_TO_COUNT;
+use super::super::explore::MOST_CHUNKS_TO_COUNT;
 use super::*;
 
 /// A LAZ file built by hand, chunk by chunk.
@@ -76,9 +78,25 @@ impl Handmade {
     }
 
     fn open(&self) -> Result<LasFile, LasError> {
+        self.open_as(Reading::Whole)
+    }
+
+    fn open_as(&self, reading: Reading) -> Result<LasFile, LasError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &self.bytes).unwrap();
-        LasFile::open(file.path())
+        LasFile::open_as(file.path(), reading, Links::Followed)
+    }
+
+    /// Has the chunk table list the first of the chunks alone.
+    fn list_only(&mut self, fixed: Option<u32>, chunks: usize) {
+        let at = u32::from_le_bytes(self.bytes[96..100].try_into().unwrap()) as usize;
+        let vlr = LazVlr::from_buffer(&self.bytes[at - laszip_length(&self.bytes[..at])..at]).unwrap();
+        let table = &self.bytes[self.table_at..];
+        let all = ChunkTable::read(&mut std::io::Cursor::new(table), fixed.is_none()).unwrap();
+        let mut few = ChunkTable::with_capacity(chunks);
+        all.into_iter().take(chunks).for_each(|entry| few.push(*entry));
+        self.bytes.truncate(self.table_at);
+        few.write_to(&mut self.bytes, &vlr).unwrap();
     }
 
     fn set_table_at(&mut self, at: i64) {
@@ -92,6 +110,12 @@ fn put_laszip(bytes: &mut [u8], vlr: &LazVlr) {
     vlr.write_to(&mut data).unwrap();
     let start = bytes.len() - data.len();
     bytes[start..].copy_from_slice(&data);
+}
+
+/// Of the LASzip record's data at the end of the records.
+fn laszip_length(records: &[u8]) -> usize {
+    let front = records.windows(14).rposition(|part| part == b"laszip encoded").unwrap() - 2;
+    records.len() - front - 54
 }
 
 /// LAZ with a chunk for each node, and two records more.
@@ -221,25 +245,70 @@ fn a_laz_file_that_is_cut_behind_its_last_point_has_them_all() {
 
 #[test]
 fn a_header_that_counts_wrong_in_laz_is_corrected_or_refused() {
-    // Layered chunks count themselves.
-    let mut made = Handmade::new(7, Some(100), &[100, 30]);
-    made.bytes[247..255].copy_from_slice(&77u64.to_le_bytes());
-    let file = made.open().unwrap();
-    assert_eq!(file.header().points, 130);
-    assert_eq!(file.header().notes.len(), 1);
-    assert!(read_all(&file, 100).unwrap() == made.records);
-    // The others do not say how full the last one is.
-    for said in [77u32, 100, 201, 4_000_000_000] {
-        let mut made = Handmade::new(1, Some(100), &[100, 30]);
-        made.bytes[107..111].copy_from_slice(&said.to_le_bytes());
-        let opened = made.open();
-        if said == 100 {
-            // Looks as if the last chunk were empty; it is not, and reading
-            // must not pass over it in silence.
-            assert!(opened.is_err(), "{said}");
-        } else {
-            assert!(matches!(opened, Err(LasError::Header { .. })), "{said}: {opened:?}");
+    for (point_format, place) in [(7, 247), (1, 107)] {
+        let open = |said: u32| {
+            let mut made = Handmade::new(point_format, Some(100), &[100, 30]);
+            made.bytes[place..place + 4].copy_from_slice(&said.to_le_bytes());
+            (made.open(), made.records)
+        };
+        // Layered chunks count themselves; of the others the last is decoded, and
+        // ends where its bytes do.
+        for said in [0, 77, 100] {
+            let (file, records) = open(said);
+            let file = file.unwrap();
+            assert_eq!(file.header().points, 130, "{said}");
+            assert_eq!(file.header().notes.len(), 1, "{:?}", file.header().notes);
+            assert!(!file.is_complete());
+            assert!(read_all(&file, 100).unwrap() == records);
         }
+        let (file, _) = open(201);
+        assert!(matches!(file, Err(LasError::Cut { readable: 130, points: 201, .. })), "{file:?}");
+        assert!(matches!(open(4_000_000_000).0, Err(LasError::Header { .. })));
+    }
+}
+
+/// Entries that the table lacks, has too many of, or has wrong.
+#[test]
+fn a_chunk_table_that_lacks_chunks_loses_none() {
+    for (point_format, fixed, listed) in [
+        (1, Some(100), 1),
+        (1, Some(100), 2),
+        (1, Some(100), 0),
+        (7, Some(100), 1),
+        (7, None, 2),
+        (1, None, 2),
+    ] {
+        let mut made = Handmade::new(point_format, fixed, &[100, 100, 30]);
+        made.list_only(fixed, listed);
+        let file = made.open().unwrap_or_else(|e| panic!("{point_format} {fixed:?} {listed}: {e}"));
+        assert_eq!(file.header().points, 230, "{point_format} {fixed:?} {listed}");
+        assert!(!file.header().notes.is_empty() && !file.is_complete());
+        for points in [7, 100, 10_000] {
+            assert!(read_all(&file, points).unwrap() == made.records, "{point_format} {fixed:?} {listed}");
+        }
+    }
+    // Chunks of any size of which two are not listed are nowhere.
+    let mut made = Handmade::new(1, None, &[100, 100, 30]);
+    made.list_only(None, 1);
+    assert!(read_all(&made.open().unwrap(), 100).is_err());
+}
+
+/// A stale count among bytes that go on.
+#[test]
+fn a_stream_is_not_left_before_its_points_end() {
+    for said in [0u32, 120] {
+        let mut made = Handmade::new(1, Some(100), &[100, 100, 30]);
+        made.set_table_at(-1);
+        made.bytes.truncate(made.table_at - 9);
+        made.bytes[107..111].copy_from_slice(&said.to_le_bytes());
+        let error = made.open().unwrap_err();
+        let LasError::Contradiction { said: told, there, .. } = error else { panic!("{error}") };
+        assert_eq!(told, u64::from(said));
+        assert!((220..230).contains(&there), "{there}");
+        let file = made.open_as(Reading::Readable).unwrap();
+        assert_eq!(file.header().points, there);
+        let length = 28 * there as usize;
+        assert!(read_all(&file, 100).unwrap() == made.records[..length], "{said}");
     }
 }
 
@@ -279,25 +348,26 @@ fn a_slice_that_was_never_offered_is_refused() {
 
 #[test]
 fn a_stream_that_breaks_tells_every_thread_and_can_start_over() {
-    let mut made = Handmade::new(1, Some(100), &[100, 100, 30]);
+    // More chunks than are tried beforehand.
+    let all = MOST_CHUNKS_TO_COUNT as usize + 250;
+    let mut made = Handmade::new(1, Some(1), &vec![1; all]);
     made.set_table_at(-1);
-    made.bytes.truncate(made.points_at + (made.table_at - made.points_at) * 2 / 3);
+    made.bytes.truncate(made.table_at - 28 * 120);
     let file = made.open().unwrap();
-    let slices = file.slices(50);
-    assert_eq!(slices.len(), 5);
+    let slices = file.slices(500);
+    assert_eq!(slices.len(), 3);
     let failed = std::thread::scope(|scope| {
         let threads: Vec<_> =
             slices.iter().map(|slice| scope.spawn(|| file.read(*slice, &mut Vec::new()).is_err())).collect();
         threads.into_iter().map(|t| t.join().unwrap()).collect::<Vec<_>>()
     });
-    assert_eq!(failed[0..2], [false, false]);
-    assert_eq!(failed[3..5], [true, true]);
+    assert_eq!(failed, [false, false, true]);
     for _ in 0..2 {
         let mut records = Vec::new();
         file.read(slices[0], &mut records).unwrap();
-        assert!(records == made.records[..50 * 28]);
-        let error = file.read(slices[4], &mut records).unwrap_err();
-        assert!(matches!(error, LasError::Cut { points: 230, .. }), "{error}");
+        assert!(records == made.records[..500 * 28]);
+        let error = file.read(slices[2], &mut records).unwrap_err();
+        assert!(matches!(error, LasError::Cut { points, .. } if points == all as u64), "{error}");
     }
 }
 

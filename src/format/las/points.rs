@@ -1,0 +1,190 @@
+//! What the points' part of a file turns out to be: how many there are, where they
+//! lie, and whether every byte between the first of them and what verifiably follows is
+//! accounted for. This is the one place where that is settled, for LAS and for LAZ: a
+//! file is opened only as what comes out of [`settle`], with a note where its header
+//! says otherwise, or not at all.
+
+use std::sync::Arc;
+
+use laz::LazVlr;
+use laz::laszip::CompressorType;
+
+use super::behind::{Look, Reach, Records};
+use super::chunks::{Chunking, Layout, Located, Locator};
+use super::coding::Coding;
+use super::count::{Behind, Claims, Evidence, Verdict, judge};
+use super::header::Front;
+use super::reader::Body;
+use super::source::Source;
+use super::turnstile::Turnstile;
+use super::vlr::{self, Vlr};
+use super::{LasError, Reading};
+
+/// What the points' part of a file turned out to be.
+pub struct Points {
+    pub body: Body,
+    pub count: u64,
+    pub missing: u64,
+    pub record_length: usize,
+    pub complete: bool,
+}
+
+/// The variable length records that mean something, the extended ones last.
+pub fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Vec<Vlr>, LasError> {
+    let said = front.raw.number_of_variable_length_records;
+    let mut records = vlr::read(source, front.size, front.points_at(), said, notes)?;
+    if let Some((start, said)) = front.extended(source, notes)? {
+        records.extend(vlr::read_extended(source, start, said, notes)?);
+    }
+    Ok(records)
+}
+
+/// Holes of a sparse file that may be an oddity of its copy; of more than this, and
+/// more than half of the points, there is nothing to read.
+const MOST_HOLES: u64 = 64 << 20;
+
+pub fn plain(
+    source: &Source,
+    front: &Front,
+    reading: Reading,
+    notes: &mut Vec<String>,
+) -> Result<Points, LasError> {
+    let length = u64::from(front.raw.point_data_record_length);
+    let at = front.points_at();
+    let returns = front.returns();
+    let point_format = front.point_format;
+    let records = Records { source, at, length, point_format, raw: &front.raw, returns: &returns };
+    let claims = Claims::of(&front.raw);
+    claims.note_disagreement(notes);
+    let judged = |end: u64| -> Result<(Look, Verdict), LasError> {
+        let end = end.max(at);
+        let look = records.look(claims.against((end - at) / length), end)?;
+        let torn = look.rest > 0;
+        let Look { behind, room, header_is_exact, .. } = look;
+        Ok((look, judge(&Evidence { claims, room, torn, behind, header_is_exact })))
+    };
+    let end = front.points_end(source)?;
+    let (mut look, mut verdict) = judged(end.said)?;
+    // Where something else is only said to begin, its place may be wrong.
+    if matches!(verdict, Verdict::TooFew { .. }) && end.said < end.certain {
+        notes.push("its extended records or waveforms should begin among its points".to_string());
+        (look, verdict) = judged(end.certain)?;
+    }
+    let there = verdict.there();
+    let left = (look.room - there.min(look.room)) * length + look.rest;
+    let reason = match verdict {
+        Verdict::Contradiction { .. } if left > 0 => {
+            format!("and {left} bytes behind them that are no whole one")
+        }
+        Verdict::Contradiction { .. } => "and the header is true of the first ones alone".to_string(),
+        _ => format!("the last whole record ends at byte {}", at.min(source.bytes()) + there * length),
+    };
+    if let Verdict::Counted(points) = verdict
+        && left > 0
+    {
+        let what = if look.behind == Behind::Padding { "padding" } else { "no points" };
+        notes.push(format!("{left} bytes behind its {points} points are {what} and are ignored"));
+    }
+    let holes = source.holes(at, (at + there * length).min(source.bytes()));
+    if holes > MOST_HOLES && holes > there * length / 2 {
+        let bytes = there * length;
+        let reason = format!("of the {bytes} bytes of its {there} points {holes} were never written");
+        return Err(LasError::header(source.path(), reason));
+    }
+    let (count, missing) = settle(source, verdict, &reason, look.rest > 0, reading, notes)?;
+    let complete = matches!(verdict, Verdict::Counted(_));
+    Ok(Points { body: Body::Plain { at }, count, missing, record_length: length as usize, complete })
+}
+
+/// What a verdict means for who opens a file: the points that are read and those that
+/// are missing, with a note, or an error with both numbers.
+fn settle(
+    source: &Source,
+    verdict: Verdict,
+    reason: &str,
+    torn: bool,
+    reading: Reading,
+    notes: &mut Vec<String>,
+) -> Result<(u64, u64), LasError> {
+    let (path, reason) = (source.path().to_path_buf(), reason.to_string());
+    match verdict {
+        Verdict::Counted(points) => Ok((points, 0)),
+        Verdict::Proven { said, there } => {
+            notes
+                .push(format!("its header says {said} points, the file holds {there}; all of them are read"));
+            Ok((there, 0))
+        }
+        Verdict::TooFew { said, there } if reading == Reading::Readable => {
+            notes.push(format!("{there} of its {said} points are there: {reason}"));
+            Ok((there, said - there))
+        }
+        Verdict::TooFew { said, there } => Err(LasError::Cut { path, readable: there, points: said, reason }),
+        Verdict::Contradiction { said, there } if reading == Reading::Readable => {
+            notes.push(format!(
+                "its header says {said} points, {there} whole records are there, {reason}; all whole ones are read"
+            ));
+            // The record that is torn was a point.
+            Ok((there, u64::from(torn)))
+        }
+        Verdict::Contradiction { said, there } => Err(LasError::Contradiction { path, said, there, reason }),
+    }
+}
+
+pub fn compressed(
+    source: &Arc<Source>,
+    front: &Front,
+    records: &[Vlr],
+    reading: Reading,
+    notes: &mut Vec<String>,
+) -> Result<Points, LasError> {
+    let path = source.path();
+    let record = records
+        .iter()
+        .find(|r| r.is(LazVlr::USER_ID, LazVlr::RECORD_ID))
+        .ok_or_else(|| LasError::header(path, "it is marked as LAZ but has no LASzip record"))?;
+    let vlr = LazVlr::from_buffer(&record.data)
+        .map_err(|e| LasError::header(path, format!("its LASzip record cannot be read: {e}")))?;
+    let coding =
+        Coding::new(vlr.items(), front.point_format).map_err(|reason| LasError::unsupported(path, reason))?;
+    if coding.record_length != usize::from(front.raw.point_data_record_length) {
+        notes.push(format!(
+            "its header says records of {} bytes, its LASzip record {}",
+            front.raw.point_data_record_length, coding.record_length
+        ));
+    }
+    let (start, end) = (front.points_at(), front.points_end(source)?.said.max(front.points_at()));
+    let bytes = end.min(source.bytes()).saturating_sub(start);
+    let locator = Locator {
+        source,
+        chunking: chunking(&record.data, &vlr).map_err(|reason| LasError::unsupported(path, reason))?,
+        coding: &coding,
+        start,
+        end,
+        written: bytes - source.holes(start, start + bytes).min(bytes),
+        claims: Claims::of(&front.raw),
+        reach: Reach::of_header(&front.raw),
+        reading,
+    };
+    let located = locator.locate(notes)?;
+    let Located { layout, verdict, complete, reason } = located;
+    let (count, missing) = settle(source, verdict, &reason, true, reading, notes)?;
+    let record_length = coding.record_length;
+    let body = match layout {
+        Layout::Chunks(chunks) => Body::Chunks { coding, chunks },
+        layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
+    };
+    Ok(Points { body, count, missing, record_length, complete })
+}
+
+/// How a LASzip record says that chunks are cut. The compressor is the first
+/// number of the record; `laz` keeps it to itself.
+fn chunking(data: &[u8], vlr: &LazVlr) -> Result<Chunking, String> {
+    match u16::from_le_bytes([data[0], data[1]]) {
+        kind if kind == CompressorType::PointWise as u16 => Ok(Chunking::Whole),
+        kind if kind == CompressorType::None as u16 => {
+            Err("its LASzip record says that it is not compressed".to_string())
+        }
+        _ if vlr.uses_variable_size_chunks() => Ok(Chunking::Variable),
+        _ => Ok(Chunking::Fixed(vlr.chunk_size())),
+    }
+}

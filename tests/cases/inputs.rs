@@ -1,1 +1,0 @@
-//! Counts, chunk tables, what lies behind the points, and inputs that claim too much.
