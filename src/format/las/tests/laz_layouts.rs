@@ -5,10 +5,10 @@ use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::{LazVlr, LazVlrBuilder};
 
 use super::super::Reading;
-use crate::disk::others::Links;
 use super::super::coding::Coding;
 use super::super::explore::MOST_CHUNKS_TO_COUNT;
 use super::*;
+use crate::disk::others::Links;
 
 /// A LAZ file built by hand, chunk by chunk.
 struct Handmade {
