@@ -11,7 +11,7 @@ const SECONDS: [f64; 13] =
     [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0, 30_000.0, 86_400.0];
 
 /// The stages of a conversion.
-const STAGES: [&str; 5] = ["survey", "distribute", "index", "merge", "publish"];
+pub const STAGES: [&str; 5] = ["survey", "distribute", "index", "merge", "publish"];
 /// Why points are set aside.
 const SET_ASIDE: [&str; 4] = ["outlier", "duplicate", "twin", "other"];
 
@@ -21,6 +21,9 @@ pub struct Metrics {
     registry: Registry,
     pub jobs: IntGaugeVec,
     pub jobs_held: IntGauge,
+    pub running_jobs: IntGaugeVec,
+    pub running_points: IntGaugeVec,
+    pub running_points_done: IntGaugeVec,
     pub jobs_finished: IntCounterVec,
     pub attempts: IntCounter,
     pub oldest_queued_seconds: Gauge,
@@ -64,6 +67,24 @@ impl Metrics {
                 r,
                 "lodestone_jobs_held",
                 "Queued jobs that something holds, as too little room.",
+            )?,
+            running_jobs: gauges(
+                r,
+                "lodestone_running_jobs",
+                "Conversions that are at work, by the stage they are in.",
+                "stage",
+            )?,
+            running_points: gauges(
+                r,
+                "lodestone_running_points",
+                "Points that conversions have to take through their present stage.",
+                "stage",
+            )?,
+            running_points_done: gauges(
+                r,
+                "lodestone_running_points_done",
+                "Points that conversions have taken through their present stage.",
+                "stage",
             )?,
             jobs_finished: counters(
                 r,
@@ -187,6 +208,9 @@ impl Metrics {
         }
         for stage in STAGES {
             self.stage_seconds.with_label_values(&[stage]);
+            self.running_jobs.with_label_values(&[stage]);
+            self.running_points.with_label_values(&[stage]);
+            self.running_points_done.with_label_values(&[stage]);
         }
         for reason in SET_ASIDE {
             self.points_set_aside.with_label_values(&[reason]);

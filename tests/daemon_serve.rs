@@ -138,7 +138,9 @@ fn a_folder_is_one_data_set_and_a_marker_names_it() {
     fs::remove_file(folder.join("c.laz.part")).expect("removed");
     let job = daemon.wait("city", "done");
     assert_eq!(job["result"]["points_out"], 3_000);
-    assert_eq!(job["options"]["sampling"], "random");
+    assert_eq!(job["options"], serde_json::Value::Null, "lists have no options");
+    let whole = daemon.json(&format!("/api/jobs/{}", job["id"]));
+    assert_eq!(whole["options"]["sampling"], "random");
     assert_eq!(daemon.jobs().len(), 1);
     let metadata = fs::read_to_string(daemon.octree("city").join("metadata.json")).expect("there");
     assert!(metadata.contains("city"), "{metadata}");

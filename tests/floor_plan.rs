@@ -53,6 +53,8 @@ const OWNED: &[(&str, &[&str])] = &[
     ("brotli", &["src/format/potree/"]),
     ("sqlx", &["src/store/"]),
     ("axum", &["src/web/", "src/daemon/"]),
+    ("hyper", &["src/web/"]),
+    ("hyper_util", &["src/web/"]),
     ("notify", &["src/watch/"]),
     ("prometheus", &["src/metrics", "src/daemon/"]),
     ("indicatif", &["src/cli/"]),

@@ -20,6 +20,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::config::logging::LogFormat;
+use crate::daemon::init;
 
 /// How a command ended; the numbers are what scripts rely on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +81,9 @@ pub fn run() -> ExitCode {
         _ => (log, format),
     };
     logging::start(log.as_deref(), format);
+    if matches!(arguments.command, Command::Serve(_)) && init::is_needed() {
+        return init::run().map_or_else(|error| ExitCode::from(failed(&error) as u8), ExitCode::from);
+    }
     let exit = match arguments.command {
         Command::Convert(arguments) => convert::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),

@@ -3,6 +3,7 @@
 //! is made here.
 
 mod house;
+pub mod init;
 pub mod signals;
 mod watching;
 mod working;
@@ -115,7 +116,7 @@ fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
         health: Arc::default(),
         bell: tools.bell.clone(),
         stop: stop.clone(),
-        streams: Shared::streams(),
+        streams: web::Streams::default(),
     }
 }
 
@@ -124,12 +125,8 @@ async fn listen(address: SocketAddr) -> Result<TcpListener, DaemonError> {
 }
 
 async fn answer(listener: TcpListener, shared: Shared, stop: CancellationToken) {
-    let served = axum::serve(web::Bounded::new(listener), web::router(shared))
-        .with_graceful_shutdown(stop.cancelled_owned())
-        .await;
-    if let Err(error) = served {
-        tracing::error!(%error, "the API ended");
-    }
+    let config = shared.config.clone();
+    web::serve(listener, web::router(shared), config.access.base(), stop).await;
 }
 
 /// What a person who starts the daemon wants to know, on stdout.
@@ -140,9 +137,20 @@ fn tell_where(config: &Config, address: SocketAddr) {
         text += &format!("  or into                                        {}\n", folder.display());
     }
     text += &format!("  octrees appear under                           {}\n", config.octrees().display());
-    text += &format!("  look at                                        http://{address}/\n");
+    text += &format!("  look at                                        http://{}/\n", reachable(address));
+    if let Some(url) = &config.access.public_url {
+        text += &format!("  or, as everybody, at                           {}/\n", url.text());
+    }
+    if config.access.token.is_some() {
+        text += "  which asks for the token\n";
+    }
     // Nobody may be reading; that is no reason to stop.
     let _ = std::io::stdout().write_all(text.as_bytes()).and_then(|()| std::io::stdout().flush());
+}
+
+/// The address as it can be given to a browser: "all addresses" is none.
+fn reachable(address: SocketAddr) -> String {
+    if address.ip().is_unspecified() { format!("localhost:{}", address.port()) } else { address.to_string() }
 }
 
 fn tell_systemd(states: &[NotifyState]) {

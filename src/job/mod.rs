@@ -133,6 +133,8 @@ pub struct Job {
     pub result: Option<serde_json::Value>,
     /// Names the content, the options and the format: equal keys, equal octrees.
     pub content_key: String,
-    /// Conversion options, as they were given.
+    /// Conversion options, as they were given; null in lists, which would otherwise
+    /// carry whatever somebody wrote into a marker.
+    #[serde(skip_serializing_if = "serde_json::Value::is_null")]
     pub options: serde_json::Value,
 }

@@ -52,6 +52,16 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
     })
 }
 
+/// A job as lists have it: without its options, which may be long.
+pub(super) fn listed(row: &SqliteRow) -> Result<Job> {
+    let mut job = job(row)?;
+    job.options = serde_json::Value::Null;
+    if let Some(serde_json::Value::Object(result)) = &mut job.result {
+        result.remove("options");
+    }
+    Ok(job)
+}
+
 pub(super) fn input(row: &SqliteRow) -> Result<Input> {
     Ok(Input {
         path: PathBuf::from(row.try_get::<String, _>("path")?),

@@ -51,7 +51,7 @@ impl Store {
         row::job(&found.ok_or(StoreError::NoSuchJob(job))?)
     }
 
-    /// Jobs, the youngest first; those of one state where `state` is given, and
+    /// Jobs without their options, the youngest first; those of one state where `state` is given, and
     /// those with a smaller number than `before` for the next page.
     pub async fn jobs(&self, state: Option<State>, before: Option<JobId>, limit: i64) -> Result<Vec<Job>> {
         let state = state.map(State::name);
@@ -64,7 +64,7 @@ impl Store {
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
-        rows.iter().map(row::job).collect()
+        rows.iter().map(row::listed).collect()
     }
 
     /// How many jobs there are; of one state where `state` is given.
@@ -91,7 +91,8 @@ impl Store {
         Ok(row.try_get("id")?)
     }
 
-    /// Jobs to which something happened after that line, the oldest first.
+    /// Jobs to which something happened after that line, the oldest first, without
+    /// their options.
     pub async fn jobs_since(&self, event: i64, limit: i64) -> Result<Vec<Job>> {
         let rows = sqlx::query(
             "SELECT * FROM job WHERE id IN (SELECT job FROM event WHERE id > ?) ORDER BY id DESC LIMIT ?",
@@ -100,7 +101,7 @@ impl Store {
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
-        rows.iter().rev().map(row::job).collect()
+        rows.iter().rev().map(row::listed).collect()
     }
 
     pub async fn attempts(&self, job: JobId) -> Result<Vec<Attempt>> {

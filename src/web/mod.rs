@@ -7,16 +7,20 @@
 
 mod api;
 mod errors;
+mod files;
 mod guard;
 mod headers;
-mod listener;
 mod login;
 mod octrees;
 mod page;
 mod previews;
 mod probes;
+mod seats;
+mod server;
 mod session;
 mod stream;
+mod streams;
+mod watched;
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,7 +32,7 @@ use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 use serde::Serialize;
-use tokio::sync::{Notify, Semaphore};
+use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
@@ -42,7 +46,8 @@ use crate::store::board::Board;
 use crate::watch::events::Mode;
 use crate::watch::waiting::Waiting;
 
-pub use listener::Bounded;
+pub use server::serve;
+pub use streams::Streams;
 
 /// No request here needs a body of more than a few words.
 const LONGEST_BODY: usize = 64 * 1024;
@@ -83,14 +88,10 @@ pub struct Shared {
     /// Ends the event streams.
     pub stop: CancellationToken,
     /// Places for event streams.
-    pub streams: Arc<Semaphore>,
+    pub streams: Streams,
 }
 
 impl Shared {
-    pub fn streams() -> Arc<Semaphore> {
-        Arc::new(Semaphore::new(stream::MOST))
-    }
-
     pub fn health(&self) -> Health {
         self.health.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -158,7 +159,7 @@ fn routes(shared: Shared) -> Router {
         .route("/page.js", get(page::script))
         .route("/page.css", get(page::style))
         .layer(limit);
-    let octrees = octrees::router(&shared.config).layer(guard).layer(site.clone()).layer(octrees::cors());
+    let octrees = octrees::router().layer(limit).layer(guard).layer(site.clone()).layer(octrees::cors());
     // Whoever asks whether the daemon lives need not know a secret.
     Router::new()
         .route("/healthz", get(probes::healthz))

@@ -8,29 +8,57 @@
 use std::time::Duration;
 
 use axum::Router;
-use axum::extract::Request;
-use axum::http::{Method, StatusCode, header};
-use axum::middleware::{Next, from_fn};
-use axum::response::{IntoResponse, Response};
+use axum::extract::{Path, RawQuery, State as Extract};
+use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::response::Response;
+use axum::routing::get;
 use tower_http::cors::{Any, CorsLayer};
-use tower_http::services::ServeDir;
 
-use super::{Shared, previews, session};
-use crate::config::Config;
+use super::{Shared, files, previews, session};
 use crate::config::access::Access;
 
+/// For copies that may be kept and are asked for again each time: a name may stand
+/// for another octree tomorrow.
+const ASK_AGAIN: HeaderValue = HeaderValue::from_static("no-cache");
+const ASK_AGAIN_ALONE: HeaderValue = HeaderValue::from_static("private, no-cache");
+
 /// Octrees under their names, and each under a read-only address of its own.
-pub(super) fn router(config: &Config) -> Router<Shared> {
-    let files = ServeDir::new(config.octrees()).append_index_html_on_directories(false);
-    Router::new()
-        .nest_service("/octrees", files.clone())
-        .nest_service("/shared/{key}", files)
-        .layer(from_fn(previews::keep))
-        .layer(from_fn(no_dots))
+pub(super) fn router() -> Router<Shared> {
+    Router::new().route("/octrees/{*path}", get(by_name)).route("/shared/{key}/{*path}", get(by_key))
+}
+
+async fn by_name(
+    Extract(shared): Extract<Shared>,
+    Path(path): Path<String>,
+    RawQuery(query): RawQuery,
+    asked: HeaderMap,
+) -> Response {
+    serve(&shared, &path, query.as_deref(), &asked).await
+}
+
+async fn by_key(
+    Extract(shared): Extract<Shared>,
+    Path((_, path)): Path<(String, String)>,
+    RawQuery(query): RawQuery,
+    asked: HeaderMap,
+) -> Response {
+    serve(&shared, &path, query.as_deref(), &asked).await
+}
+
+async fn serve(shared: &Shared, path: &str, query: Option<&str>, asked: &HeaderMap) -> Response {
+    let Some(file) = files::below(&shared.config.octrees(), path) else { return files::missing() };
+    let cache = if previews::is_of_pictures(path) {
+        previews::cache(query)
+    } else if shared.config.access.token.is_some() {
+        ASK_AGAIN_ALONE
+    } else {
+        ASK_AGAIN
+    };
+    files::answer(&file, asked, cache).await
 }
 
 /// What viewers on other pages need; around the guard, so that they can read why
-/// they are refused.
+/// they are refused, and need no token to ask what they may send.
 pub(super) fn cors() -> CorsLayer {
     CorsLayer::new()
         .allow_origin(Any)
@@ -48,25 +76,10 @@ pub(super) fn cors() -> CorsLayer {
             header::IF_MODIFIED_SINCE,
             header::IF_RANGE,
         ])
-        .expose_headers([
-            header::CONTENT_RANGE,
-            header::CONTENT_LENGTH,
-            header::ACCEPT_RANGES,
-            header::ETAG,
-            header::LAST_MODIFIED,
-        ])
+        .expose_headers([header::CONTENT_RANGE, header::CONTENT_LENGTH, header::ACCEPT_RANGES, header::ETAG])
         // Browsers ask before a page of the internet reads from a private network.
         .allow_private_network(true)
         .max_age(Duration::from_secs(7200))
-}
-
-/// Staging lies behind a dot.
-async fn no_dots(request: Request, next: Next) -> Response {
-    let path = request.uri().path().to_ascii_lowercase();
-    if path.contains("/.") || path.contains("%2e") || path.contains("%2f") {
-        return StatusCode::NOT_FOUND.into_response();
-    }
-    next.run(request).await
 }
 
 /// The read-only address of an octree, where a token is needed at all.

@@ -19,7 +19,7 @@ const ICON: u64 = 64;
 fn head(base: &str) -> String {
     format!(
         "<!doctype html><html lang=en data-base='{base}'><meta charset=utf-8>\
-         <noscript><meta http-equiv=refresh content=2></noscript><script src='{base}/page.js' defer></script>\
+         <noscript><meta http-equiv=refresh content=2></noscript><script src={base}/page.js defer></script>\
          <meta name=viewport content='width=device-width'><title>Lodestone</title>\
          <link rel=stylesheet href='{base}/page.css'>"
     )

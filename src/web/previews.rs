@@ -2,14 +2,9 @@
 //!
 //! A name may stand for another octree tomorrow. So an address from the API
 //! carries a stamp of its pictures and may be kept for ever; one without is asked
-//! for again each time, by a tag made of the bytes themselves: times are too
-//! coarse to tell two octrees of one second apart.
+//! for again each time.
 
-use axum::body::{Body, to_bytes};
-use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderValue;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -17,8 +12,6 @@ use crate::store::{Drawn, Preview};
 
 /// The folder of the pictures within an octree's.
 const FOLDER: &str = "preview";
-/// No picture of ours is larger.
-const LARGEST: usize = 64 << 20;
 const FOR_EVER: HeaderValue = HeaderValue::from_static("private, max-age=31536000, immutable");
 const ASK_AGAIN: HeaderValue = HeaderValue::from_static("private, no-cache");
 
@@ -87,62 +80,17 @@ impl PreviewView {
     }
 }
 
-/// Says of pictures how long they may be kept, and answers who has them already.
-pub(super) async fn keep(mut request: Request, next: Next) -> Response {
-    if !is_of_pictures(request.uri().path()) {
-        return next.run(request).await;
-    }
-    let is_stamped = request.uri().query().is_some_and(|query| query.starts_with("v="));
-    let known = request.headers().get(header::IF_NONE_MATCH).cloned();
-    // Pictures are small and sent whole, so that the tag is of all of it.
-    for conditional in [header::IF_MODIFIED_SINCE, header::IF_UNMODIFIED_SINCE, header::RANGE] {
-        request.headers_mut().remove(conditional);
-    }
-    if request.method() == Method::HEAD {
-        // For the tag; the server itself leaves the body out.
-        *request.method_mut() = Method::GET;
-    }
-    let answer = next.run(request).await;
-    if answer.status() != StatusCode::OK {
-        return answer;
-    }
-    let (mut parts, body) = answer.into_parts();
-    parts.headers.insert(header::CACHE_CONTROL, if is_stamped { FOR_EVER } else { ASK_AGAIN });
-    parts.headers.remove(header::LAST_MODIFIED);
-    parts.headers.remove(header::ACCEPT_RANGES);
-    let Ok(bytes) = to_bytes(body, LARGEST).await else {
-        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
-    };
-    let tag = format!("\"{}\"", blake3::hash(&bytes).to_hex());
-    if let Ok(tag) = HeaderValue::from_str(&tag) {
-        parts.headers.insert(header::ETAG, tag);
-    }
-    if known.is_some_and(|known| names(&known, &tag)) {
-        return not_modified(&parts.headers);
-    }
-    Response::from_parts(parts, Body::from(bytes))
+/// How long copies of pictures may be kept.
+pub(super) fn cache(query: Option<&str>) -> HeaderValue {
+    let is_stamped = query.is_some_and(|query| query.starts_with("v="));
+    if is_stamped { FOR_EVER } else { ASK_AGAIN }
 }
 
-/// An octree may be called `preview` itself.
-fn is_of_pictures(path: &str) -> bool {
+/// Whether a path below the octrees is one of pictures. An octree may be called
+/// `preview` itself.
+pub(super) fn is_of_pictures(path: &str) -> bool {
     let parts: Vec<&str> = path.split('/').collect();
-    matches!(parts[..], ["", "octrees", _, FOLDER, _] | ["", "shared", _, _, FOLDER, _])
-}
-
-fn not_modified(of: &HeaderMap) -> Response {
-    let mut answer = StatusCode::NOT_MODIFIED.into_response();
-    for name in [header::ETAG, header::CACHE_CONTROL] {
-        if let Some(value) = of.get(&name) {
-            answer.headers_mut().insert(name, value.clone());
-        }
-    }
-    answer
-}
-
-/// Whether a list of tags, as browsers send it, has this one.
-fn names(list: &HeaderValue, tag: &str) -> bool {
-    let list = list.to_str().unwrap_or("");
-    list.split(',').map(|one| one.trim().trim_start_matches("W/")).any(|one| one == tag || one == "*")
+    matches!(parts[..], [_, FOLDER, _])
 }
 
 #[cfg(test)]
@@ -182,20 +130,12 @@ mod tests {
     }
 
     #[test]
-    fn only_pictures_are_answered_for() {
-        assert!(is_of_pictures("/octrees/a/preview/thumbnail.png"));
-        assert!(is_of_pictures("/octrees/preview/preview/preview.json"));
-        for other in
-            ["/octrees/preview/octree.bin", "/octrees/a/metadata.json", "/preview/x", "/octrees/preview"]
-        {
+    fn only_pictures_are_kept_for_ever() {
+        assert!(is_of_pictures("a/preview/thumbnail.png"));
+        assert!(is_of_pictures("preview/preview/preview.json"));
+        for other in ["preview/octree.bin", "a/metadata.json", "a/preview", "preview", "a/b/preview/x"] {
             assert!(!is_of_pictures(other), "{other}");
         }
-    }
-
-    #[test]
-    fn tags_are_known_again_in_any_list() {
-        let list = |text: &str| HeaderValue::from_str(text).expect("a value");
-        assert!(names(&list("\"a\", W/\"b\""), "\"b\"") && names(&list("*"), "\"b\""));
-        assert!(!names(&list("\"ab\""), "\"b\""));
+        assert_eq!((cache(Some("v=17f")), cache(Some("x")), cache(None)), (FOR_EVER, ASK_AGAIN, ASK_AGAIN));
     }
 }

@@ -79,6 +79,7 @@ pub(super) async fn metrics(Extract(shared): Extract<Shared>) -> Response {
 async fn refresh(shared: &Shared) -> crate::store::Result<()> {
     let (metrics, now) = (&shared.metrics, shared.clock.now());
     let health = shared.health();
+    progress(shared, now);
     metrics.watch_waiting.set(health.waiting.len() as i64);
     for (folder, path) in [("scratch", shared.config.scratch()), ("octrees", shared.config.octrees())] {
         if let Ok(free) = shared.disk.free_space(&path) {
@@ -88,7 +89,7 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
     let scratch = shared.config.scratch();
     let scratch = tokio::task::spawn_blocking(move || bytes_below(&scratch, 3)).await.unwrap_or_default();
     metrics.scratch_bytes.set(i64::try_from(scratch).unwrap_or(i64::MAX));
-    metrics.event_streams.set(super::stream::MOST.saturating_sub(shared.streams.available_permits()) as i64);
+    metrics.event_streams.set(shared.streams.count() as i64);
     metrics.runtime_tasks.set(tokio::runtime::Handle::current().metrics().num_alive_tasks() as i64);
     let counts = shared.store.counts().await?;
     for (state, jobs) in &counts.by_state {
@@ -101,6 +102,30 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
     let age = counts.oldest_queued.map_or(0, |oldest| (now - oldest).max(0));
     metrics.oldest_queued_seconds.set(age as f64 / 1000.0);
     Ok(())
+}
+
+/// How far the running conversions are, by stage.
+fn progress(shared: &Shared, now: Millis) {
+    let metrics = &shared.metrics;
+    let readings = shared.board.readings(now);
+    for stage in crate::metrics::STAGES {
+        let here =
+            || readings.iter().filter(|(_, reading)| reading.stage == stage).map(|(_, reading)| reading);
+        let labels = [stage];
+        metrics.running_jobs.with_label_values(&labels).set(here().count() as i64);
+        metrics
+            .running_points
+            .with_label_values(&labels)
+            .set(sum(here().map(|reading| reading.points_total)));
+        metrics
+            .running_points_done
+            .with_label_values(&labels)
+            .set(sum(here().map(|reading| reading.points_done)));
+    }
+}
+
+fn sum(points: impl Iterator<Item = u64>) -> i64 {
+    i64::try_from(points.fold(0, u64::saturating_add)).unwrap_or(i64::MAX)
 }
 
 /// What files take of the disk. They come and go while we look; what is gone

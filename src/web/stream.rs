@@ -6,24 +6,23 @@
 
 use std::collections::HashMap;
 use std::fmt::Write;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::body::Body;
-use axum::extract::{Path, State as Extract};
+use axum::extract::{Extension, Path, State as Extract};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use tokio::io::{AsyncWriteExt, DuplexStream};
-use tokio::sync::OwnedSemaphorePermit;
 use tokio_util::io::ReaderStream;
 
 use super::Shared;
 use super::api::{self, Refusal};
+use super::server::Peer;
+use super::streams::Place;
 use crate::job::{Job, JobId};
 use crate::store::board::Reading;
 
-/// Streams at a time; each asks the queue twice a second.
-pub(super) const MOST: usize = 32;
 const BEAT: Duration = Duration::from_millis(500);
 /// Proxies cut connections that are silent for a minute, and only writing tells
 /// that the other side is gone.
@@ -36,25 +35,31 @@ const FIRST: i64 = 200;
 /// And in one beat.
 const AT_ONCE: i64 = 1000;
 
-pub(super) async fn all(Extract(shared): Extract<Shared>, headers: HeaderMap) -> Response {
-    open(shared, None, &headers)
+pub(super) async fn all(
+    Extract(shared): Extract<Shared>,
+    peer: Option<Extension<Peer>>,
+    headers: HeaderMap,
+) -> Response {
+    open(shared, None, peer, &headers)
 }
 
 pub(super) async fn one(
     Extract(shared): Extract<Shared>,
     Path(id): Path<JobId>,
+    peer: Option<Extension<Peer>>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     // One that is not there is said so at once.
     shared.store.job(id).await?;
-    Ok(open(shared, Some(id), &headers))
+    Ok(open(shared, Some(id), peer, &headers))
 }
 
-fn open(shared: Shared, only: Option<JobId>, headers: &HeaderMap) -> Response {
-    let Ok(place) = shared.streams.clone().try_acquire_owned() else {
+fn open(shared: Shared, only: Option<JobId>, peer: Option<Extension<Peer>>, headers: &HeaderMap) -> Response {
+    let peer = peer.map(|Extension(Peer(address))| address);
+    let Some(place) = shared.streams.open(peer, Instant::now()) else {
         let retry = [(header::RETRY_AFTER, "30")];
-        let text = "all places for event streams are taken; poll /api/jobs instead\n";
-        return (StatusCode::SERVICE_UNAVAILABLE, retry, text).into_response();
+        let text = "all places for event streams are taken; poll /api/jobs instead";
+        return (retry, Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
     };
     let last = headers.get("last-event-id").and_then(|id| id.to_str().ok()).and_then(|id| id.parse().ok());
     let (writer, reader) = tokio::io::duplex(BUFFER);
@@ -69,13 +74,7 @@ fn open(shared: Shared, only: Option<JobId>, headers: &HeaderMap) -> Response {
 }
 
 /// Writes until the reader is gone, or the daemon stops.
-async fn feed(
-    shared: Shared,
-    only: Option<JobId>,
-    last: Option<i64>,
-    mut to: DuplexStream,
-    _place: OwnedSemaphorePermit,
-) {
+async fn feed(shared: Shared, only: Option<JobId>, last: Option<i64>, mut to: DuplexStream, place: Place) {
     let mut stream = Stream { only, seen: last, told: HashMap::new() };
     let mut text = "retry: 2000\n\n".to_string();
     let mut silent = Duration::ZERO;
@@ -99,6 +98,8 @@ async fn feed(
         }
         tokio::select! {
             () = shared.stop.cancelled() => return,
+            // Its reader comes back by itself, if there is one.
+            () = place.must_go() => return,
             () = tokio::time::sleep(BEAT) => {}
         }
     }
