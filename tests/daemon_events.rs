@@ -194,7 +194,10 @@ fn the_page_listens_to_the_events_and_needs_nothing_from_elsewhere() {
     assert!(body.contains("src=/page.js") && !body.contains("<script>"), "no script within: {body}");
     let (status, script) = daemon.get("/page.js");
     assert_eq!(status, 200);
-    assert!(script.contains("/api/events'") && script.contains("EventSource") && !script.contains("innerHTML"), "{script}");
+    assert!(
+        script.contains("/api/events'") && script.contains("EventSource") && !script.contains("innerHTML"),
+        "{script}"
+    );
 }
 
 #[test]

@@ -124,6 +124,8 @@ fn settings_that_are_deployed_or_written_of_exist() {
                 "FUZZ_SECONDS",
                 "REQUIRE_GPU",
                 "REQUIRE_CHROMIUM",
+                "REQUIRE_PROXIES",
+                "REQUIRE_SYSTEMD",
             ];
             // What a hook is told is no setting; daemon_control.rs holds it to that.
             let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"];

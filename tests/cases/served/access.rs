@@ -5,16 +5,10 @@ use std::net::TcpListener;
 
 use crate::daemon_support::{Daemon, las};
 
+use super::header;
+
 const OPERATOR: &str = "correct-horse-battery";
 const READER: &str = "only-for-the-eyes";
-
-fn header(head: &str, name: &str) -> String {
-    let found = head.lines().find_map(|line| {
-        let (key, value) = line.split_once(':')?;
-        key.eq_ignore_ascii_case(name).then(|| value.trim().to_string())
-    });
-    found.unwrap_or_default()
-}
 
 fn status(daemon: &Daemon, head: &str) -> u16 {
     daemon.ask(head, "").0
