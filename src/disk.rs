@@ -9,6 +9,7 @@
 
 pub mod others;
 mod replace;
+mod seal;
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -23,6 +24,7 @@ use rustix::fs::Advice;
 
 use others::Links;
 pub use replace::inode;
+pub use seal::seal;
 
 /// What went wrong with which file, and what to do about it.
 #[derive(Debug, thiserror::Error)]

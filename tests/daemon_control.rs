@@ -76,9 +76,11 @@ fn published_sources_are_moved_and_nothing_is_requeued_or_unpublished_for_it() {
     wait_for("the second to be moved", || (history(&daemon, &id, "sources moved").len() == 2).then_some(()));
     assert!(!daemon.inbox().join("a b.las").exists());
     assert_eq!(fs::read_dir(done.join("a b")).expect("there").count(), 1);
-    // Other content of the same name is put beside it.
+    // Other content of the same name becomes an octree of its own: the first may be
+    // all that is left of its source.
     fs::write(daemon.inbox().join("a b.las"), las(1_500, 7)).expect("dropped");
-    wait_for("the other to be moved", || done.join("a b/a b-r2.las").exists().then_some(()));
+    wait_for("the other to be moved", || done.join("a b-2/a b.las").exists().then_some(()));
+    assert!(daemon.octree("a b-2").join("metadata.json").exists());
 
     // Scans later, and after a start, nothing came of the gap in the inbox.
     assert!(daemon.stop());
@@ -95,7 +97,8 @@ fn published_sources_are_deleted_only_as_they_were_converted() {
     let outside = root.path().join("outside");
     fs::create_dir(&outside).expect("made");
     fs::write(outside.join("mine.las"), las(1_000, 9)).expect("written");
-    let daemon = Daemon::start_with(&root.path().join("data"), &["--on-done", "delete"]);
+    let daemon =
+        Daemon::start_with(&root.path().join("data"), &["--on-done", "delete", "--patience-seconds", "1"]);
     fs::write(daemon.inbox().join("a.las"), las(1_000, 1)).expect("dropped");
     // A tile that is a link is not converted, and nothing is deleted where one lies.
     let linked = root.path().join("linked");

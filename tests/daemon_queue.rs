@@ -387,7 +387,7 @@ async fn a_crash_between_conversion_and_publishing_costs_no_second_conversion() 
         std::fs::create_dir_all(&staged).unwrap();
         std::fs::write(staged.join("metadata.json"), "new").unwrap();
         let inode = std::fs::metadata(&staged).unwrap().ino();
-        assert!(house.tools.store.stage(job, "life-0", inode, "{}", 0).await.unwrap());
+        assert!(house.tools.store.stage(job, "life-0", (inode, None), "{}", 0).await.unwrap());
         if swapped {
             let target = house.folder.path().join("octrees/a");
             let flags = rustix::fs::RenameFlags::EXCHANGE;
@@ -408,7 +408,7 @@ async fn a_lost_lease_throws_the_result_away() {
     let store = &house.tools.store;
     assert!(store.claim(job, "one", 0).await.unwrap().is_some());
     assert!(store.claim(job, "two", 0).await.unwrap().is_none(), "claimed once");
-    assert!(!store.stage(job, "two", 7, "{}", 0).await.unwrap());
+    assert!(!store.stage(job, "two", (7, None), "{}", 0).await.unwrap());
     let ending = lodestone::store::Ending { end: lodestone::job::verdict::End::Published, error: None };
     let policy = lodestone::job::verdict::Policy::default();
     assert_eq!(store.finish(job, "two", &ending, &policy, 0).await.unwrap(), None);

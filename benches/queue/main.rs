@@ -51,7 +51,7 @@ async fn queue(folder: &Path, jobs: i64) -> Result<(), Box<dyn Error>> {
         let Some(job) = store.ready(jobs, 0, 0..=u64::MAX, 16).await?.into_iter().next() else { break };
         let claimed = store.claim(job.id, "bench", jobs).await?;
         assert!(claimed.is_some(), "nobody else claims");
-        assert!(store.stage(job.id, "bench", 1, "{}", jobs).await?, "the lease is ours");
+        assert!(store.stage(job.id, "bench", (1, None), "{}", jobs).await?, "the lease is ours");
         let ending = Ending { end: End::Published, error: None };
         store.finish(job.id, "bench", &ending, &Policy::default(), jobs).await?;
         times.push(start.elapsed().as_secs_f64());
@@ -84,6 +84,9 @@ fn arrival(number: i64) -> Arrival {
         options: "{}".into(),
         priority: 0,
         points: 100_000,
+        doubt: None,
+        refusal: None,
+        octrees: PathBuf::from("/nowhere"),
     }
 }
 

@@ -13,15 +13,18 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::Millis;
 use crate::engine::intake::{self, Taken};
-use crate::store::{Admission, StoreError};
+use crate::store::StoreError;
 use crate::watch::events::{Events, Mode};
 use crate::watch::settle::Limits;
+use crate::watch::waiting::{Kind, Waiting};
 use crate::watch::{Report, Watcher};
 use crate::web::Shared;
 
 /// Data sets whose bytes are read for their fingerprint at the same time: with
 /// two, a small file passes a huge one.
 const READERS: usize = 2;
+/// Copies of known content that are named; more nobody reads.
+const MOST_NAMED: i64 = 500;
 /// The pause between scans where no events come, in milliseconds.
 const POLL: Millis = 2_000;
 /// Events come in swarms; one scan answers all of them.
@@ -38,6 +41,8 @@ struct Watching {
     in_hand: HashSet<PathBuf>,
     takes: JoinSet<Take>,
     missing: Vec<PathBuf>,
+    /// What the log has named as not taken.
+    named: HashSet<PathBuf>,
     overflows: u64,
     heard: u64,
 }
@@ -66,6 +71,7 @@ pub(super) async fn run(shared: Shared, stop: CancellationToken) {
         in_hand: HashSet::new(),
         takes: JoinSet::new(),
         missing: vec![],
+        named: HashSet::new(),
         overflows: 0,
         heard: 0,
     };
@@ -112,7 +118,8 @@ impl Watching {
         let watcher = &mut self.watcher;
         self.shared.update_health(|health| health.scanning = true);
         // A scan of tens of thousands of files takes some tens of milliseconds.
-        let report = tokio::task::block_in_place(|| watcher.scan(now));
+        let mut report = tokio::task::block_in_place(|| watcher.scan(now));
+        self.name_copies(&mut report).await;
         self.revive(&report).await;
         self.publish(&report, now);
         let unsettled = report.unsettled || !self.in_hand.is_empty();
@@ -130,16 +137,7 @@ impl Watching {
             // The semaphore is never closed.
             let _place = readers.acquire_owned().await;
             let now = shared.clock.now();
-            let wish =
-                found.marker.as_ref().and_then(|marker| marker.on_done).unwrap_or(shared.config.on_done);
-            let taken = intake::take_in(&shared.store, found, &shared.config.options, now).await;
-            if let Ok(Taken::In { path, admission: Admission::Known(job), .. }) = &taken {
-                // Dropped once more, it is put away once more.
-                let again = shared.store.owe_sources_again(*job, &path.to_string_lossy(), wish).await;
-                if let Err(error) = again {
-                    tracing::warn!(job, %error, "its source stays");
-                }
-            }
+            let taken = intake::take_in(&shared.store, found, &shared.config, now).await;
             shared.bell.notify_one();
             (path, taken)
         });
@@ -182,6 +180,11 @@ impl Watching {
             Ok((path, Ok(Taken::Moving))) => {
                 self.in_hand.remove(&path);
             }
+            Ok((path, Ok(Taken::Hollow { stamp, not_yet, .. }))) => {
+                tracing::info!(path = %path.display(), why = not_yet.why, "not whole yet");
+                self.in_hand.remove(&path);
+                self.watcher.doubt(&path, &stamp, not_yet);
+            }
             Ok((path, Err(error))) => {
                 tracing::error!(path = %path.display(), %error, "could not be queued; trying again");
                 self.shared.metrics.queue_errors.inc();
@@ -212,6 +215,38 @@ impl Watching {
         self.missing = report.missing.clone();
     }
 
+    /// Copies of known content are in the queue, by another's name: whoever waits
+    /// for them is told where.
+    async fn name_copies(&self, report: &mut Report) {
+        let copies = match self.shared.store.copies(MOST_NAMED).await {
+            Ok(copies) => copies,
+            Err(error) => return tracing::warn!(%error, "copies of known content could not be read"),
+        };
+        for copy in copies {
+            if copy.path.symlink_metadata().is_ok() {
+                let why = format!(
+                    "holds the same as {}, which job {} stands for; it is not converted twice, and stays",
+                    copy.name, copy.job
+                );
+                let waiting = Waiting::new(&copy.path, Kind::Copy, why).since(copy.since);
+                report.waiting.push(Waiting { job: Some(copy.job), ..waiting });
+            }
+        }
+    }
+
+    /// Says once in the log what is not taken, and what to do about it.
+    fn name_refused(&mut self, report: &Report) {
+        let refused = report.waiting.iter().filter(|w| matches!(w.kind, Kind::NotTaken | Kind::Refused));
+        let mut named = HashSet::new();
+        for Waiting { path, why, .. } in refused {
+            if !self.named.contains(path) {
+                tracing::info!(path = %path.display(), why, "left alone");
+            }
+            named.insert(path.clone());
+        }
+        self.named = named;
+    }
+
     /// Tells the API and the metrics.
     fn publish(&mut self, report: &Report, now: Millis) {
         let metrics = &self.shared.metrics;
@@ -225,6 +260,7 @@ impl Watching {
             let folders = self.events.modes.iter().filter(|(_, m)| *m == mode).count();
             metrics.watched_folders.with_label_values(&[name]).set(folders as i64);
         }
+        self.name_refused(report);
         let mut refused = report.waiting.clone();
         // What moves comes first, should there be too many.
         refused.sort_by_key(|waiting| !waiting.kind.may_pass());

@@ -86,7 +86,7 @@ impl Aftermath {
         if self.carrying.is_some() {
             return Ok(());
         }
-        for (job, what) in tools.store.sources_owed(BATCH).await? {
+        for (job, what) in tools.store.sources_owed(now, tools.config.patience, BATCH).await? {
             if self.later.get(&job.id).is_some_and(|at| now < *at && *at <= now + AGAIN) {
                 continue;
             }
@@ -116,7 +116,10 @@ impl Aftermath {
                 ("moved", Some(to.clone()), "sources moved", format!("to {to}"))
             }
             Ok(PutAway::Removed) => ("deleted", Some(String::new()), "sources deleted", String::new()),
-            Ok(PutAway::Gone) => ("gone", None, "sources gone", "they were not there any more".to_string()),
+            // Perhaps by us, before a crash: what stands for it may be all there is.
+            Ok(PutAway::Gone) => {
+                ("gone", Some(String::new()), "sources gone", "they were not there any more".to_string())
+            }
             Err(Left::ForGood(why)) => {
                 tracing::warn!(job, why, "its sources stay");
                 ("kept", None, "sources kept", why)

@@ -6,7 +6,7 @@ use super::worker::Finished;
 use super::{Engine, Running, Stop, preflight, publish, sources, stall};
 use crate::clock::Millis;
 use crate::config::sources::OnDone;
-use crate::disk::inode;
+use crate::disk::{inode, seal};
 use crate::job::verdict::End;
 use crate::job::{Event, State, Wish, machine};
 use crate::store::{Ending, Result};
@@ -47,16 +47,20 @@ impl Engine {
             // may be the octree that was replaced.
             Some(staged) => staged,
             None => {
+                let (id, mut result) = (running.job.id, report.json.clone());
                 // Before the octree stands: after a crash in between nobody would know.
                 let what = sources::wish(&self.tools.config, &running.job.source);
-                if what != OnDone::Keep {
-                    self.tools.store.owe_sources(running.job.id, &self.owner, what).await?;
+                let doubt = sources::doubt(&running.job, report);
+                if let Some(doubt) = doubt.as_deref() {
+                    add_note(&mut result, doubt, what);
                 }
-                let staging = publish::staging(&self.tools.config, running.job.id);
-                let inode = inode(&staging).unwrap_or(0);
-                let (now, result) = (self.tools.clock.now(), report.json.to_string());
-                let store = &self.tools.store;
-                if inode != 0 && !store.stage(running.job.id, &self.owner, inode, &result, now).await? {
+                let what = if doubt.is_some() { OnDone::Keep } else { what };
+                self.tools.store.owe_sources(id, &self.owner, what).await?;
+                let staging = publish::staging(&self.tools.config, id);
+                let (inode, seal) = (inode(&staging).unwrap_or(0), seal(&staging));
+                let (now, result, store) = (self.tools.clock.now(), result.to_string(), &self.tools.store);
+                let staged = (inode, seal.as_deref());
+                if inode != 0 && !store.stage(id, &self.owner, staged, &result, now).await? {
                     // Called off in the last moment, which the record will say.
                     return Ok(Ending { end: End::Parked, error: None });
                 }
@@ -117,6 +121,21 @@ fn published(running: &Running, finished: &Finished) {
     }
     if let Some(more @ 1..) = report.warnings.len().checked_sub(MAX_LOGGED) {
         tracing::warn!(job, name, "and {more} more warnings, in report.json");
+    }
+}
+
+/// Tells in a job's report why its sources stay.
+fn add_note(report: &mut serde_json::Value, doubt: &str, what: OnDone) {
+    let note = match what {
+        OnDone::Keep => doubt.to_string(),
+        OnDone::Move | OnDone::Delete => format!("{doubt}; its sources stay where they are"),
+    };
+    tracing::warn!(note, "converted all the same");
+    if let Some(report) = report.as_object_mut() {
+        let notes = report.entry("notes").or_insert_with(|| serde_json::json!([]));
+        if let Some(notes) = notes.as_array_mut() {
+            notes.push(note.into());
+        }
     }
 }
 

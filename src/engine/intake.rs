@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use crate::clock::Millis;
+use crate::config::Config;
 use crate::stage::options::Options;
 use crate::store::{Admission, Arrival, Kind, Store, StoreError};
 use crate::watch::Found;
 use crate::watch::fingerprint::fingerprint;
+use crate::watch::settle::NotYet;
 
 /// What became of a find.
 #[derive(Debug)]
@@ -15,18 +17,34 @@ pub enum Taken {
     In { path: PathBuf, stamp: String, admission: Admission },
     /// It changed under our hands, and will be found again.
     Moving,
+    /// Reading all of it showed that it is not whole. The watcher is to be told,
+    /// and finds it again when its patience is over.
+    Hollow { path: PathBuf, stamp: String, not_yet: NotYet },
 }
 
 /// Reads all bytes of a find (for the fingerprint), and takes it into the queue.
-pub async fn take_in(store: &Store, found: Found, base: &Options, now: Millis) -> Result<Taken, StoreError> {
-    let options = match &found.marker {
-        // Checked when the marker was read; the base cannot make it wrong.
-        Some(marker) => marker.options_over(base).unwrap_or_else(|_| base.clone()),
-        None => base.clone(),
+pub async fn take_in(
+    store: &Store,
+    mut found: Found,
+    config: &Config,
+    now: Millis,
+) -> Result<Taken, StoreError> {
+    let options = match found.marker.as_ref().map(|marker| marker.options_over(&config.options)) {
+        Some(Ok(options)) => options,
+        Some(Err(why)) => {
+            found.refusal = Some(why);
+            config.options.clone()
+        }
+        None => config.options.clone(),
     };
-    let (path, stamp) = (found.path.clone(), found.stamp.clone());
-    let arrival = tokio::task::spawn_blocking(move || arrival(found, options)).await.ok().flatten();
-    let Some(arrival) = arrival else { return Ok(Taken::Moving) };
+    let wish = found.marker.as_ref().and_then(|marker| marker.on_done).unwrap_or(config.on_done);
+    let (path, stamp, octrees) = (found.path.clone(), found.stamp.clone(), config.octrees());
+    let read = tokio::task::spawn_blocking(move || arrival(found, options, octrees)).await.ok().flatten();
+    let arrival = match read {
+        Some(Ok(arrival)) => arrival,
+        Some(Err(not_yet)) => return Ok(Taken::Hollow { path, stamp, not_yet }),
+        None => return Ok(Taken::Moving),
+    };
     let admission = store.take_in(&arrival, now).await?;
     match &admission {
         Admission::New(job) => tracing::info!(job, path = %path.display(), "queued"),
@@ -35,14 +53,21 @@ pub async fn take_in(store: &Store, found: Found, base: &Options, now: Millis) -
         }
         Admission::Known(job) => {
             tracing::info!(job, path = %path.display(), "its content is known; not converted twice");
+            // Dropped once more, it is put away once more.
+            store.owe_sources_again(*job, &path.to_string_lossy(), wish).await?;
         }
     }
     Ok(Taken::In { path, stamp, admission })
 }
 
-fn arrival(found: Found, options: Options) -> Option<Arrival> {
+/// Nothing where it changed meanwhile; an error where it is not whole, and its
+/// time is not up.
+fn arrival(found: Found, options: Options, octrees: PathBuf) -> Option<Result<Arrival, NotYet>> {
     let print = fingerprint(&found, &options)?;
-    Some(Arrival {
+    if let (Some(not_yet), None) = (&print.hollow, &found.doubt) {
+        return Some(Err(not_yet.clone()));
+    }
+    Some(Ok(Arrival {
         kind: if found.is_folder { Kind::Folder } else { Kind::File },
         priority: found.marker.as_ref().map_or(0, |marker| marker.priority),
         path: found.path,
@@ -52,5 +77,8 @@ fn arrival(found: Found, options: Options) -> Option<Arrival> {
         inputs: print.inputs,
         options: serde_json::to_string(&options).unwrap_or_else(|_| "{}".to_string()),
         points: found.points,
-    })
+        doubt: print.hollow.map(|not_yet| not_yet.why).or(found.doubt),
+        refusal: found.refusal,
+        octrees,
+    }))
 }

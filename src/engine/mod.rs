@@ -68,6 +68,14 @@ pub struct Tools {
     pub bell: Arc<Notify>,
 }
 
+/// The options that a job was queued with; never others in their place.
+fn options_of(job: &Job) -> std::result::Result<Options, String> {
+    if let Some(refusal) = &job.refusal {
+        return Err(format!("{refusal}; mend or remove it, and the data set is taken anew"));
+    }
+    serde_json::from_value(job.options.clone()).map_err(|e| format!("its options cannot be read: {e}"))
+}
+
 /// Why the engine stopped a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
@@ -308,11 +316,18 @@ impl Engine {
             return Ok(false);
         }
         let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
-        self.start(job, lane, inputs, now);
+        match options_of(&job) {
+            Ok(options) => self.start(job, lane, inputs, options, now),
+            Err(error) => {
+                let ending = Ending { end: End::Hopeless, error: Some(error) };
+                store.finish(job.id, &self.owner, &ending, &self.tools.config.policy, now).await?;
+                tracing::error!(job = job.id, name = job.name, error = ending.error, "failed");
+            }
+        }
         Ok(true)
     }
 
-    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, now: Millis) {
+    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, mut options: Options, now: Millis) {
         let config = &self.tools.config;
         tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
         let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
@@ -324,7 +339,6 @@ impl Engine {
             cancel: cancel.clone(),
             progress: progress.clone(),
         };
-        let mut options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
         // The staging folder's name is nothing to go by.
         options.name.get_or_insert_with(|| job.name.clone());
         let work = Work::new(inputs, publish::staging(config, job.id), options);

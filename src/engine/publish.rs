@@ -12,6 +12,7 @@ use super::converter::Failure;
 use crate::config::Config;
 use crate::disk::{Disk, DiskError, inode};
 use crate::job::{Job, JobId};
+use crate::store::StoreError;
 
 /// Where octrees wait to be published.
 pub(super) fn staging_area(config: &Config) -> PathBuf {
@@ -23,22 +24,51 @@ pub(super) fn staging(config: &Config, job: JobId) -> PathBuf {
     staging_area(config).join(job.to_string())
 }
 
+/// More names in a row are not taken away under our hands.
+const TRIES: usize = 8;
+
 /// Brings the octree whose folder has this inode into its place. May be called
-/// again after a crash at any point.
+/// again after a crash at any point. Where something stands there that must not be
+/// replaced, the job gets another name first.
 pub(super) async fn publish(tools: &Tools, job: &Job, staged: u64) -> Result<(), Failure> {
-    let (from, to) = (staging(&tools.config, job.id), tools.config.octrees().join(&job.name));
-    let disk = tools.disk.clone();
-    let swapped = tokio::task::spawn_blocking(move || swap(&disk, &from, &to, staged)).await;
-    match swapped {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(error)) => {
-            let may_pass = error.may_pass();
-            Err(Failure { message: error.to_string(), may_pass, panicked: false })
+    let (from, octrees) = (staging(&tools.config, job.id), tools.config.octrees());
+    let mut name = job.name.clone();
+    for _ in 0..TRIES {
+        let to = octrees.join(&name);
+        let in_place = staged != 0 && inode(&to).ok() == Some(staged);
+        let free = in_place || tools.store.may_publish(job.id, &name, &octrees).await.map_err(unanswered)?;
+        if !free {
+            let now = tools.clock.now();
+            let new = tools.store.give_new_name(job.id, &octrees, now).await.map_err(unanswered)?;
+            tracing::warn!(
+                job = job.id,
+                name,
+                new,
+                "what stands there is not to be replaced; another name is taken"
+            );
+            name = new;
+            continue;
         }
-        Err(error) => {
-            Err(Failure { message: format!("publishing failed: {error}"), may_pass: true, panicked: true })
-        }
+        let (disk, from) = (tools.disk.clone(), from.clone());
+        return match tokio::task::spawn_blocking(move || swap(&disk, &from, &to, staged)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) => {
+                let may_pass = error.may_pass();
+                Err(Failure { message: error.to_string(), may_pass, panicked: false })
+            }
+            Err(error) => Err(Failure {
+                message: format!("publishing failed: {error}"),
+                may_pass: true,
+                panicked: true,
+            }),
+        };
     }
+    let message = format!("no free name was found for {name}");
+    Err(Failure { message, may_pass: true, panicked: false })
+}
+
+fn unanswered(error: StoreError) -> Failure {
+    Failure { message: error.to_string(), may_pass: true, panicked: false }
 }
 
 fn swap(disk: &Disk, from: &Path, to: &Path, staged: u64) -> Result<(), DiskError> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{Result, Store, note, row, sharing, step};
+use super::{Result, Store, names, note, row, sharing, step};
 use crate::job::verdict::{Tally, forgive};
 use crate::job::{Event, Input, JobId, State};
 
@@ -41,6 +41,12 @@ pub struct Arrival {
     pub priority: i64,
     /// Points that the headers claim.
     pub points: u64,
+    /// Why it may not be whole: its sources stay.
+    pub doubt: Option<String>,
+    /// Why it cannot be converted as it was meant to be.
+    pub refusal: Option<String>,
+    /// Where octrees lie: a name that something has there is taken.
+    pub octrees: PathBuf,
 }
 
 /// What became of an arrival.
@@ -82,29 +88,35 @@ impl Store {
     /// Takes an arrival into the queue.
     pub async fn take_in(&self, arrival: &Arrival, now: i64) -> Result<Admission> {
         let mut tx = self.begin().await?;
-        let data_set = upsert_data_set(&mut tx, arrival, now).await?;
-        let arrival = &own_content(&mut tx, &data_set, arrival).await?;
+        let mut data_set = upsert_data_set(&mut tx, arrival, now).await?;
+        if let Some(job) = being_put_away(&mut tx, &data_set, arrival).await? {
+            note_stamp(&mut tx, &data_set, job, arrival, now).await?;
+            tx.commit().await?;
+            return Ok(Admission::Known(job));
+        }
+        // Its octree is no longer that of what lies here now.
+        let moves_on = !names::is_free_to_use(&mut tx, &arrival.octrees, &data_set.name, None).await?;
+        let arrival = &own_content(&mut tx, &data_set, moves_on, arrival).await?;
         let admission = match find_standing(&mut tx, &arrival.content_key).await? {
             Some(job) => {
                 meet_again(&mut tx, &data_set, job, arrival, now).await?;
                 Admission::Known(job)
             }
-            None => match find_fallen(&mut tx, &data_set, &arrival.content_key).await? {
-                Some(job) => {
-                    release(&mut tx, job, arrival, now).await?;
-                    Admission::Released(job)
+            None => {
+                if moves_on {
+                    rename(&mut tx, &mut data_set, arrival).await?;
                 }
-                None => Admission::New(insert_job(&mut tx, &data_set, arrival, now).await?),
-            },
+                match find_fallen(&mut tx, &data_set, &arrival.content_key).await? {
+                    Some(job) => {
+                        release(&mut tx, &data_set, job, arrival, now).await?;
+                        Admission::Released(job)
+                    }
+                    None => Admission::New(insert_job(&mut tx, &data_set, arrival, now).await?),
+                }
+            }
         };
         let job = admission.job();
-        sqlx::query("UPDATE data_set SET job = ?, stamp = ?, updated_at = ? WHERE id = ?")
-            .bind(job)
-            .bind(&arrival.stamp)
-            .bind(now)
-            .bind(data_set.id)
-            .execute(&mut *tx)
-            .await?;
+        note_stamp(&mut tx, &data_set, job, arrival, now).await?;
         call_off_older(&mut tx, &data_set, job, now).await?;
         tx.commit().await?;
         Ok(admission)
@@ -125,7 +137,7 @@ async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<Dat
             revision: row.try_get("revision")?,
         });
     }
-    let name = free_name(tx, &arrival.name).await?;
+    let name = names::free_name(tx, &arrival.octrees, &arrival.name).await?;
     let id = sqlx::query(
         "INSERT INTO data_set (path, kind, name, stamp, created_at, updated_at) VALUES (?, ?, ?, '', ?, ?)",
     )
@@ -140,28 +152,64 @@ async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<Dat
     Ok(DataSet { id, name, revision: 0 })
 }
 
-/// The wished name, or with the first free number behind it: `a.las` and
-/// `a.laz` are two data sets and get two octrees.
-async fn free_name(tx: &mut Tx, wished: &str) -> Result<String> {
-    let (mut name, mut number) = (wished.to_string(), 1u64);
-    loop {
-        // Without regard to case, for file systems that have none.
-        let taken = sqlx::query("SELECT 1 FROM data_set WHERE lower(name) = lower(?)")
-            .bind(&name)
-            .fetch_optional(&mut **tx)
-            .await?;
-        if taken.is_none() {
-            return Ok(name);
-        }
-        number += 1;
-        name = format!("{wished}-{number}");
+/// The stamp by which a data set is known again, and the job that stands for it.
+async fn note_stamp(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+    sqlx::query("UPDATE data_set SET job = ?, stamp = ?, updated_at = ? WHERE id = ?")
+        .bind(job)
+        .bind(&arrival.stamp)
+        .bind(now)
+        .bind(data_set.id)
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+/// Under a name that comes again lies something of its own from now on.
+async fn rename(tx: &mut Tx, data_set: &mut DataSet, arrival: &Arrival) -> Result<()> {
+    data_set.name = names::free_name(tx, &arrival.octrees, &arrival.name).await?;
+    sqlx::query("UPDATE data_set SET name = ? WHERE id = ?")
+        .bind(&data_set.name)
+        .bind(data_set.id)
+        .execute(&mut **tx)
+        .await?;
+    Ok(())
+}
+
+/// The job whose sources are being removed one after the other, where these are
+/// what is left of them: nothing new.
+async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> Result<Option<JobId>> {
+    let rows = sqlx::query(
+        "SELECT job.id, job_input.path, job_input.size, job_input.hash FROM data_set \
+         JOIN job ON job.id = data_set.job JOIN job_input ON job_input.job = job.id \
+         WHERE data_set.id = ? AND job.state = 'done' AND job.sources IS NOT NULL",
+    )
+    .bind(data_set.id)
+    .fetch_all(&mut **tx)
+    .await?;
+    if arrival.inputs.len() >= rows.len() {
+        return Ok(None);
     }
+    let mut known = std::collections::HashMap::with_capacity(rows.len());
+    let mut job = None;
+    for row in &rows {
+        job = Some(row.try_get("id")?);
+        let path: String = row.try_get("path")?;
+        known.insert(path, (row.try_get::<i64, _>("size")? as u64, row.try_get::<String, _>("hash")?));
+    }
+    let is_left = |input: &Input| {
+        known.get(&*input.path.to_string_lossy()) == Some(&(input.size, input.hash.clone()))
+            && !input.hash.is_empty()
+    };
+    Ok(job.filter(|_| arrival.inputs.iter().all(is_left)))
 }
 
 /// A content that stands as another data set's octree is not converted twice,
 /// unless this data set has an octree of its own, which would go on showing what
 /// the source no longer holds: then the content is its own.
-async fn own_content(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> Result<Arrival> {
+async fn own_content(tx: &mut Tx, data_set: &DataSet, moves_on: bool, arrival: &Arrival) -> Result<Arrival> {
+    if moves_on {
+        return Ok(arrival.clone());
+    }
     let row = sqlx::query(
         "SELECT EXISTS (SELECT 1 FROM job WHERE data_set = ?1 AND state = 'done' AND superseded_by IS NULL) \
          AND EXISTS (SELECT 1 FROM job WHERE content_key = ?2 AND data_set <> ?1 \
@@ -214,6 +262,11 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
             .bind(job)
             .execute(&mut **tx)
             .await?;
+        sqlx::query("UPDATE job SET doubt = ? WHERE id = ?")
+            .bind(&arrival.doubt)
+            .bind(job)
+            .execute(&mut **tx)
+            .await?;
         return replace_inputs(tx, job, &arrival.inputs).await;
     }
     // Should its own source be gone, the engine sees now that this one is there.
@@ -222,7 +275,7 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
     note(tx, job, now, "same content", Some(&format!("also dropped as {path}; not converted twice"))).await
 }
 
-async fn release(tx: &mut Tx, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+async fn release(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
     let row = sqlx::query("SELECT * FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
     let job_now = row::job(&row)?;
     let state = step(job, job_now.state, Event::Release)?;
@@ -231,13 +284,17 @@ async fn release(tx: &mut Tx, job: JobId, arrival: &Arrival, now: i64) -> Result
     let tally = forgive(Event::Release, job_now.state == State::Quarantined, tally);
     sqlx::query(
         "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
-         error = NULL, superseded_by = NULL, finished_at = NULL, priority = ?, updated_at = ? WHERE id = ?",
+         error = NULL, superseded_by = NULL, finished_at = NULL, priority = ?, updated_at = ?, name = ?, \
+         doubt = ?, refusal = ? WHERE id = ?",
     )
     .bind(state.name())
     .bind(tally.strikes)
     .bind(tally.postponements)
     .bind(arrival.priority)
     .bind(now)
+    .bind(&data_set.name)
+    .bind(&arrival.doubt)
+    .bind(&arrival.refusal)
     .bind(job)
     .execute(&mut **tx)
     .await?;
@@ -249,7 +306,8 @@ async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64
     let bytes: u64 = arrival.inputs.iter().map(|input| input.size).sum();
     let job = sqlx::query(
         "INSERT INTO job (data_set, name, source, revision, content_key, state, priority, options, \
-         points, bytes, created_at, updated_at) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
+         points, bytes, doubt, refusal, created_at, updated_at) \
+         VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(data_set.id)
     .bind(&data_set.name)
@@ -260,6 +318,8 @@ async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64
     .bind(&arrival.options)
     .bind(i64::try_from(arrival.points).unwrap_or(i64::MAX))
     .bind(i64::try_from(bytes).unwrap_or(i64::MAX))
+    .bind(&arrival.doubt)
+    .bind(&arrival.refusal)
     .bind(now)
     .bind(now)
     .execute(&mut **tx)

@@ -11,6 +11,7 @@
 
 pub mod board;
 mod intake;
+mod names;
 mod owed;
 mod previews;
 mod purge;

@@ -42,8 +42,8 @@ impl Store {
             return Ok(false);
         }
         let owed = sqlx::query(
-            "UPDATE job SET sources = ?, sources_now = NULL \
-             WHERE id = ? AND source = ? AND state = 'done' AND superseded_by IS NULL",
+            "UPDATE job SET sources = ? \
+             WHERE id = ? AND source = ? AND state = 'done' AND superseded_by IS NULL AND doubt IS NULL",
         )
         .bind(what.name())
         .bind(job)
@@ -55,12 +55,17 @@ impl Store {
 
     /// Jobs that are done and stand for what lies in their source now, with what
     /// is still to be done with that. Newer content has a job of its own to say.
-    pub async fn sources_owed(&self, limit: i64) -> Result<Vec<(Job, OnDone)>> {
+    ///
+    /// A folder is left to itself for a while after it was taken in, `linger` in
+    /// milliseconds: more may come, and its copier must find it.
+    pub async fn sources_owed(&self, now: i64, linger: i64, limit: i64) -> Result<Vec<(Job, OnDone)>> {
         let rows = sqlx::query(
-            "SELECT job.* FROM job WHERE sources IS NOT NULL AND state = 'done' \
-             AND EXISTS (SELECT 1 FROM data_set WHERE data_set.id = job.data_set AND data_set.job = job.id) \
-             ORDER BY job.id LIMIT ?",
+            "SELECT job.* FROM job JOIN data_set ON data_set.id = job.data_set AND data_set.job = job.id \
+             WHERE sources IS NOT NULL AND state = 'done' \
+             AND (kind = 'file' OR abs(?1 - data_set.updated_at) >= ?2) ORDER BY job.id LIMIT ?3",
         )
+        .bind(now)
+        .bind(linger)
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;

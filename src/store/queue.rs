@@ -129,15 +129,23 @@ impl Store {
     }
 
     /// Notes that the octree is whole in the staging folder (`inode` tells it from
-    /// the one it will replace), with the report: from here on a crash costs
+    /// the one it will replace, its seal from any other), with the report: from here on a crash costs
     /// nothing but a swap. Refused where the lease is lost, or where the job was
     /// called off meanwhile; after this, calling it off comes too late.
-    pub async fn stage(&self, job: JobId, owner: &str, inode: u64, result: &str, now: i64) -> Result<bool> {
+    pub async fn stage(
+        &self,
+        job: JobId,
+        owner: &str,
+        (inode, seal): (u64, Option<&str>),
+        result: &str,
+        now: i64,
+    ) -> Result<bool> {
         let done = sqlx::query(
-            "UPDATE job SET staged = ?, result = ?, updated_at = ? \
+            "UPDATE job SET staged = ?, octree = ?, result = ?, updated_at = ? \
              WHERE id = ? AND state = 'running' AND lease_owner = ? AND wish IS NULL",
         )
         .bind(inode as i64)
+        .bind(seal)
         .bind(result)
         .bind(now)
         .bind(job)

@@ -12,7 +12,40 @@ use crate::job::{Event, JobId, State};
 
 type Tx = Transaction<'static, Sqlite>;
 
+/// A data set whose content another one's job stands for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Copy {
+    pub path: PathBuf,
+    pub job: JobId,
+    /// Of the octree that holds it, or will.
+    pub name: String,
+    /// When it was found, in milliseconds since 1970.
+    pub since: i64,
+}
+
 impl Store {
+    /// Data sets that were not converted because their content was known already,
+    /// the latest first.
+    pub async fn copies(&self, limit: i64) -> Result<Vec<Copy>> {
+        let rows = sqlx::query(
+            "SELECT data_set.path, data_set.updated_at, job.id, job.name FROM data_set \
+             JOIN job ON job.id = data_set.job WHERE job.data_set <> data_set.id AND data_set.stamp <> '' \
+             ORDER BY data_set.id DESC LIMIT ?",
+        )
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        let copy = |row: &sqlx::sqlite::SqliteRow| {
+            Ok(Copy {
+                path: PathBuf::from(row.try_get::<String, _>("path")?),
+                job: row.try_get("id")?,
+                name: row.try_get("name")?,
+                since: row.try_get("updated_at")?,
+            })
+        };
+        rows.iter().map(copy).collect()
+    }
+
     /// Data sets that the watcher is to look at again, though it knows them.
     pub async fn to_look_at_again(&self) -> Result<Vec<PathBuf>> {
         let rows = sqlx::query("SELECT path FROM data_set WHERE stamp = ''").fetch_all(&self.readers).await?;

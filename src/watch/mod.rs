@@ -228,6 +228,11 @@ impl Watcher {
     }
 }
 
+/// Whether a program that we may look at holds a file open for writing.
+pub fn is_written(path: &Path) -> bool {
+    writers::open_for_writing().contains(path)
+}
+
 /// Whether all files of a data set are whole.
 fn whole_of(candidate: &scan::Candidate) -> Wholeness {
     if let Some(why) = &candidate.unreadable {

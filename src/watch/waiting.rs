@@ -36,6 +36,11 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Whether somebody expects an octree of it that is not there yet.
+    pub fn is_awaited(self) -> bool {
+        !matches!(self, Kind::NotTaken | Kind::Copy)
+    }
+
     /// Whether time alone may bring it into the queue; what else is listed stays
     /// as it is until somebody does something about it.
     pub fn may_pass(self) -> bool {

@@ -80,7 +80,7 @@ async fn refresh(shared: &Shared) -> crate::store::Result<()> {
     let (metrics, now) = (&shared.metrics, shared.clock.now());
     let health = shared.health();
     progress(shared, now);
-    metrics.watch_waiting.set(health.waiting.len() as i64);
+    metrics.watch_waiting.set(health.waiting.iter().filter(|w| w.kind.is_awaited()).count() as i64);
     for (folder, path) in [("scratch", shared.config.scratch()), ("octrees", shared.config.octrees())] {
         if let Ok(free) = shared.disk.free_space(&path) {
             metrics.free_bytes.with_label_values(&[folder]).set(i64::try_from(free).unwrap_or(i64::MAX));

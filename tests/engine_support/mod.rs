@@ -82,6 +82,9 @@ pub fn arrival(path: &Path, content: &str, points: u64) -> Arrival {
         options: "{}".into(),
         priority: 0,
         points,
+        doubt: None,
+        refusal: None,
+        octrees: path.parent().and_then(Path::parent).expect("a root").join("octrees"),
     }
 }
 

@@ -16,13 +16,22 @@ pub enum Nature {
 
 /// Numbers of contents: below this they are good.
 const GOOD: usize = 6;
-pub const CONTENTS: usize = 10;
+pub const CONTENTS: usize = 11;
+/// A copy whose middle is still missing: its headers say that it is whole.
+pub const HOLLOW: usize = 10;
+/// Two that are of one size.
+pub const ALIKE: [usize; 2] = [2, 5];
 
 pub fn bytes(content: usize) -> Vec<u8> {
     match content {
         // Cut: may become whole, so it waits for its patience to end.
         8 => las(3, 80)[..250].to_vec(),
         // Never a cloud.
+        HOLLOW => {
+            let mut bytes = las(60, 90);
+            bytes[627..1_227].fill(0);
+            bytes
+        }
         9 => b"this is no cloud at all, whatever its name".to_vec(),
         // Heavy, by the model's configuration.
         _ if content % 3 == 2 => las(60, content as u64 + 1),
@@ -41,7 +50,7 @@ pub fn nature(hashes: &str) -> Nature {
     let mut nature = Nature::Good;
     for file in hashes.split(',') {
         match known.iter().position(|hash| hash == file) {
-            Some(content) if content < GOOD => {}
+            Some(content) if content < GOOD || content == HOLLOW => {}
             Some(7) => return Nature::Panics,
             _ => nature = Nature::Hopeless,
         }

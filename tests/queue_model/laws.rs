@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
 
+use lodestone::config::sources::OnDone;
 use lodestone::disk::Disk;
 use lodestone::job::{Event, Job, State, machine};
 use lodestone::store::Drawn;
@@ -76,6 +77,7 @@ fn books(world: &mut World) -> Result<(Books, Vec<Job>), Broken> {
 
 /// After every step.
 pub fn hold(world: &mut World) -> Result<(), Broken> {
+    nothing_is_lost(world)?;
     if world.life.is_none() {
         // Dead daemons break no law; what the next one finds is looked at then.
         return Ok(());
@@ -92,6 +94,40 @@ pub fn hold(world: &mut World) -> Result<(), Broken> {
     }
     runs(world, &books)?;
     published(world, &books, &jobs)
+}
+
+/// A source that the daemon removed is in an octree on disk, then and ever after;
+/// and what is somebody's own among the octrees stays as it is.
+fn nothing_is_lost(world: &mut World) -> Result<(), Broken> {
+    let (mount, _) = world.mount();
+    let away = !mount.exists();
+    let gone: Vec<_> =
+        world.trust.files.keys().filter(|path| !(away && path.starts_with(&mount))).cloned().collect();
+    for path in gone.into_iter().filter(|path| !path.exists()) {
+        let content = world.trust.files.remove(&path).expect("just listed");
+        law!(world.config.on_done != OnDone::Keep, "{} was removed, though sources are kept", path.display());
+        law!(
+            content != content::hash(&content::bytes(content::HOLLOW)),
+            "{} was removed half written",
+            path.display()
+        );
+        world.trust.removed.insert(content);
+    }
+    let mut held = HashSet::new();
+    for entry in fs::read_dir(world.config.octrees()).expect("there").flatten() {
+        if !entry.file_name().to_string_lossy().starts_with('.') {
+            let shown = fs::read_to_string(entry.path().join("metadata.json")).unwrap_or_default();
+            held.extend(shown.split(',').map(String::from));
+        }
+    }
+    for content in &world.trust.removed {
+        law!(held.contains(content), "content {content} was removed, and no octree holds it");
+    }
+    for (folder, own) in &world.trust.foreign {
+        let there = fs::read_to_string(folder.join("metadata.json"));
+        law!(there.as_ref().ok() == Some(own), "{} held {own}, and holds {there:?}", folder.display());
+    }
+    Ok(())
 }
 
 /// The events of each job are a way through the machine, and end where it is.
@@ -155,8 +191,10 @@ fn runs(world: &mut World, books: &Books) -> Result<(), Broken> {
         let told = &books.contents[&run.job];
         // An input that vanished after the claim is read by nobody.
         if !run.content.is_empty() && run.content == *told && run.stood.as_ref() == Some(told) {
-            let excused =
-                world.ledger.renewed.contains(&run.job) || world.was_sick || !world.ordered.is_empty();
+            let excused = world.trust.meddled
+                || world.ledger.renewed.contains(&run.job)
+                || world.was_sick
+                || !world.ordered.is_empty();
             law!(excused, "job {} converts what stands as {} already", run.job, run.name);
         }
     }
@@ -177,6 +215,16 @@ fn published(world: &mut World, books: &Books, jobs: &[Job]) -> Result<(), Broke
             law!(picture == shown, "{name} shows {shown}, and its pictures {picture}");
         }
         if world.shown.insert(name.clone(), shown.clone()).as_ref() == Some(&shown) {
+            continue;
+        }
+        if world.trust.foreign.contains_key(&entry.path()) {
+            continue;
+        }
+        // A data set whose sources were removed goes on under another name, and its
+        // octree stays.
+        if world.config.on_done != OnDone::Keep || world.trust.meddled {
+            let is_of_job = jobs.iter().any(|job| job.name == name && books.contents[&job.id] == shown);
+            law!(is_of_job, "{name} shows {shown}, which no job of that name holds");
             continue;
         }
         let data_set = books.data_sets.iter().find(|(_, n, _)| *n == name);
@@ -205,6 +253,8 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
         if let Some(Ok(shown)) = own.map(fs::read_to_string)
             && content::nature(&content) == Nature::Good
             && world.ordered.is_empty()
+            && world.config.on_done == OnDone::Keep
+            && !world.trust.meddled
         {
             let done = jobs.iter().any(|job| {
                 job.state == State::Done && job.superseded_by.is_none() && books.contents[&job.id] == content
@@ -216,7 +266,7 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
         if let Some(job) = stands {
             let shown = fs::read_to_string(world.config.octrees().join(&job.name).join("metadata.json"));
             law!(
-                shown.as_ref().ok() == Some(&content),
+                shown.as_ref().ok() == Some(&content) || world.trust.meddled,
                 "job {} is done, and {} shows {shown:?}",
                 job.id,
                 job.name
@@ -258,13 +308,16 @@ fn pictures(world: &mut World, jobs: &[Job]) -> Result<(), Broken> {
         let place = octrees.join(&job.name);
         let Some(preview) = previews.get(&id) else {
             // Dropped with an octree that was taken away, or could not be put in its place.
-            law!(world.was_sick || !place.exists(), "job {id} is done and owes no pictures");
+            law!(
+                world.was_sick || world.trust.meddled || !place.exists(),
+                "job {id} is done and owes no pictures"
+            );
             continue;
         };
         law!(preview.state != Drawn::Queued, "the pictures of job {id} still wait: {preview:?}");
         let there = place.join("preview/preview.json").exists();
         law!(
-            there || preview.state != Drawn::Done || world.was_sick,
+            there || preview.state != Drawn::Done || world.was_sick || world.trust.meddled,
             "the pictures of job {id} are not there"
         );
     }

@@ -24,7 +24,9 @@ pub fn step(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
         0..18 => Ok(put(world, dice)),
         18..22 => Ok(delete(world, dice)),
         22..26 => Ok(rename(world, dice)),
-        26..29 => Ok(touch(world, dice)),
+        26..27 => Ok(touch(world, dice)),
+        27..28 => Ok(swap_quietly(world, dice)),
+        28..29 => Ok(half_removed(world, dice)),
         29..50 => scan(world, dice),
         50..70 => tick(world, dice),
         70..74 => {
@@ -63,6 +65,7 @@ pub fn step(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
             world.stop();
             Ok("the daemon stops in good order".into())
         }
+        99 if dice.percent(70) => meddle(world, dice),
         _ => {
             let full = !world.script.disk_full.fetch_not(Ordering::SeqCst);
             Ok(format!("the disk is full: {full}"))
@@ -87,7 +90,8 @@ fn place(world: &World, dice: &mut Dice) -> PathBuf {
     // A crowd in few places: that is where things meet.
     let place = if dice.percent(50) { &places[dice.below(2)] } else { dice.pick(&places) };
     if place.ends_with("tiles") {
-        return place.join(dice.pick(&["t1.las", "t2.las"]));
+        // One of them on its way, as rsync has it.
+        return place.join(dice.pick(&["t1.las", "t2.las", "t1.las", "t2.las", ".t2.las.Xy12Zw"]));
     }
     place.clone()
 }
@@ -108,13 +112,18 @@ fn put(world: &mut World, dice: &mut Dice) -> String {
 
 fn delete(world: &mut World, dice: &mut Dice) -> String {
     let path = place(world, dice);
-    let _ = fs::remove_file(&path);
+    if fs::remove_file(&path).is_ok() {
+        world.trust.files.remove(&path);
+    }
     format!("{} is deleted", path.display())
 }
 
 fn rename(world: &mut World, dice: &mut Dice) -> String {
     let (from, to) = (place(world, dice), place(world, dice));
     let done = fs::rename(&from, &to).is_ok();
+    if done && let Some(content) = world.trust.files.remove(&from) {
+        world.trust.files.insert(to.clone(), content);
+    }
     format!("{} is renamed to {}: {done}", from.display(), to.display())
 }
 
@@ -124,6 +133,83 @@ fn touch(world: &mut World, dice: &mut Dice) -> String {
         world.touch(&path);
     }
     format!("{} is touched", path.display())
+}
+
+/// Other content of the same size and time, as a copy that keeps times brings it.
+fn swap_quietly(world: &mut World, dice: &mut Dice) -> String {
+    let path = place(world, dice);
+    let alike = content::ALIKE.map(content::bytes);
+    let (Ok(there), Ok(meta)) = (fs::read(&path), fs::metadata(&path)) else {
+        return "nothing to swap".into();
+    };
+    let Some(at) = alike.iter().position(|bytes| *bytes == there) else { return "nothing alike".into() };
+    // The times of change tick in hundredths.
+    std::thread::sleep(std::time::Duration::from_millis(11));
+    fs::write(&path, &alike[1 - at]).expect("written");
+    let file = fs::OpenOptions::new().append(true).open(&path).expect("there");
+    file.set_modified(meta.modified().expect("a time")).expect("set");
+    world.trust.files.insert(path.clone(), content::hash(&alike[1 - at]));
+    format!("{} gets other content of the same size and time", path.display())
+}
+
+/// The daemon dies when it has removed one of the files that it is to remove.
+fn half_removed(world: &mut World, dice: &mut Dice) -> String {
+    let now = world.now();
+    let life = living(world, dice);
+    let owed = life.runtime.block_on(life.store.sources_owed(now, 0, 10)).expect("answers");
+    let inputs = owed.first().map(|(job, _)| {
+        (job.name.clone(), life.runtime.block_on(life.store.inputs(job.id)).expect("answers"))
+    });
+    let Some((name, inputs)) = inputs else { return "nothing to remove".into() };
+    let shown =
+        fs::read_to_string(world.config.octrees().join(name).join("metadata.json")).unwrap_or_default();
+    world.crash();
+    if let Some(input) = inputs.first().filter(|_| inputs.len() > 1)
+        && let Ok(bytes) = fs::read(&input.path)
+        && shown.split(',').any(|hash| hash == content::hash(&bytes))
+    {
+        fs::remove_file(&input.path).expect("removed");
+        return format!("the daemon dies when it has removed {}", input.path.display());
+    }
+    "the daemon dies".into()
+}
+
+/// Somebody puts a folder among the octrees, in place of one or under a name to
+/// come, or the database is lost.
+fn meddle(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
+    let octrees = world.config.octrees();
+    if dice.percent(30) {
+        world.crash();
+        for end in ["", "-wal", "-shm"] {
+            let mut path = world.config.database().into_os_string();
+            path.push(end);
+            let _ = fs::remove_file(path);
+        }
+        let path = world.config.root.join("scratch");
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir(&path).expect("made");
+        let _ = fs::remove_dir_all(octrees.join(".staged"));
+        fs::create_dir(octrees.join(".staged")).expect("made");
+        world.forget();
+        return Ok("the database is lost".into());
+    }
+    let folder = octrees.join(dice.pick(&["a", "b", "tiles", "a-2", "größe 1"]));
+    let own = format!("somebody's own {}", dice.below(1000));
+    if let Ok(shown) = fs::read_to_string(folder.join("metadata.json")) {
+        if world.trust.foreign.contains_key(&folder) {
+            return Ok("nothing: it is somebody's own already".into());
+        }
+        fs::remove_dir_all(&folder).expect("removed");
+        for file in shown.split(',') {
+            world.trust.removed.remove(file);
+        }
+    }
+    fs::create_dir_all(&folder).expect("made");
+    fs::write(folder.join("metadata.json"), &own).expect("written");
+    let text = format!("{} is {own}", folder.display());
+    world.trust.foreign.insert(folder, own);
+    world.trust.meddled = true;
+    Ok(text)
 }
 
 fn scan(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {

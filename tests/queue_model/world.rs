@@ -16,7 +16,7 @@ use lodestone::disk::Disk;
 use lodestone::engine::Engine;
 use lodestone::engine::intake::{self, Taken};
 use lodestone::job::State;
-use lodestone::store::Store;
+use lodestone::store::{Admission, Store};
 use lodestone::watch::settle::Limits;
 use lodestone::watch::{Report, Watcher};
 use tokio::runtime::Runtime;
@@ -58,12 +58,29 @@ pub struct World {
     pub ledger: Ledger,
     /// What each octree's name shows.
     pub shown: BTreeMap<String, String>,
+    pub trust: Trust,
+}
+
+/// What users have, by the hash of its content, and what became of it.
+#[derive(Debug, Default)]
+pub struct Trust {
+    /// Files as they were last written.
+    pub files: BTreeMap<PathBuf, String>,
+    /// Contents that the daemon removed.
+    pub removed: HashSet<String>,
+    /// Folders among the octrees that are somebody's own, and what they hold.
+    pub foreign: BTreeMap<PathBuf, String>,
+    /// Somebody removed octrees by hand, or lost the database.
+    pub meddled: bool,
 }
 
 impl World {
     pub fn new(seed: u64) -> World {
         let folder = fast_folder();
-        let mut config = configured(&folder.path().canonicalize().expect("a path").join("root"), SETTINGS);
+        // In every other history the sources are removed.
+        let settings =
+            if seed % 2 == 1 { format!("{SETTINGS}\non_done = 'delete'") } else { SETTINGS.into() };
+        let mut config = configured(&folder.path().canonicalize().expect("a path").join("root"), &settings);
         config.watch = vec![config.root.with_file_name("mount")];
         fs::create_dir(&config.watch[0]).expect("made");
         World {
@@ -79,6 +96,7 @@ impl World {
             ordered: HashSet::new(),
             ledger: Ledger::default(),
             shown: BTreeMap::new(),
+            trust: Trust::default(),
         }
     }
 
@@ -112,6 +130,7 @@ impl World {
     pub fn write(&mut self, path: &Path, bytes: &[u8]) {
         if path.parent().is_some_and(|folder| fs::create_dir_all(folder).is_ok()) {
             fs::write(path, bytes).expect("written");
+            self.trust.files.insert(path.to_path_buf(), content::hash(bytes));
             self.touch(path);
         }
     }
@@ -127,7 +146,12 @@ impl World {
     pub fn life(&mut self, disk: Disk) -> &mut Life {
         if self.life.is_none() {
             let runtime =
-                tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+                // One thread for what blocks, so that waiting for the last is waiting for all.
+                tokio::runtime::Builder::new_current_thread()
+                    .max_blocking_threads(1)
+                    .enable_all()
+                    .build()
+                    .expect("a runtime");
             self.lives += 1;
             let desk = Arc::new(Desk::new(self.script.clone()));
             let (config, now) = (self.config.clone(), self.now.clone());
@@ -163,6 +187,20 @@ impl World {
         self.sick_disk = false;
     }
 
+    /// Nothing is known any more of what was done; what stands is nobody's.
+    pub fn forget(&mut self) {
+        self.script.runs.lock().expect("no panic").clear();
+        self.ordered.clear();
+        self.ledger = Ledger::default();
+        self.shown.clear();
+        self.trust.meddled = true;
+        for entry in fs::read_dir(self.config.octrees()).expect("there").flatten() {
+            if let Ok(shown) = fs::read_to_string(entry.path().join("metadata.json")) {
+                self.trust.foreign.insert(entry.path(), shown);
+            }
+        }
+    }
+
     /// A shutdown in good order.
     pub fn stop(&mut self) {
         if let Some(life) = &mut self.life {
@@ -177,6 +215,7 @@ impl Life {
     /// its end.
     pub fn tick(&mut self, polls: usize) -> Result<bool, Broken> {
         let done = self.runtime.block_on(cut_off(self.engine.tick(), polls));
+        self.runtime.block_on(tokio::task::spawn_blocking(|| ())).expect("all before it is done");
         match done {
             Some(Err(error)) => return Err(format!("a tick failed: {error}")),
             Some(Ok(_)) => self.wait_for_workers(),
@@ -207,16 +246,24 @@ impl Life {
         let mut report = self.watcher.scan(now);
         for found in std::mem::take(&mut report.found) {
             let held = content::on_disk(&found.path);
-            let taking = intake::take_in(&self.store, found, &config.options, now);
+            let taking = intake::take_in(&self.store, found, config, now);
             match self.runtime.block_on(cut_off(taking, polls)) {
                 None => return Ok(None),
                 Some(Err(error)) => return Err(format!("not taken in: {error}")),
+                Some(Ok(Taken::Hollow { path, stamp, not_yet })) => {
+                    self.watcher.doubt(&path, &stamp, not_yet);
+                    report.unsettled = true;
+                }
                 Some(Ok(Taken::Moving)) => return Err("nobody moves a file during a scan".into()),
                 Some(Ok(Taken::In { path, stamp, admission })) => {
                     let inputs = self.runtime.block_on(self.store.inputs(admission.job()));
                     let inputs = inputs.map_err(|error| error.to_string())?;
                     let hashes: Vec<&str> = inputs.iter().map(|input| &input.hash[..16]).collect();
-                    if Some(hashes.join(",")) != held {
+                    // What is being removed is less by and by.
+                    let left =
+                        held.as_ref().is_some_and(|held| held.split(',').all(|file| hashes.contains(&file)));
+                    let is_known = matches!(admission, Admission::Known(_)) && left;
+                    if Some(hashes.join(",")) != held && !is_known {
                         return Err(format!("{} became {admission:?} of other content", path.display()));
                     }
                     self.watcher.taken(&path, stamp);

@@ -206,6 +206,21 @@ fn covers(target: &Path, plan: &Plan, looked: &Looked, missing: &[Input]) -> Res
     Ok(true)
 }
 
+/// The hash of a file's content, read in pieces that a stop can end.
+pub(super) fn hash_of(looked: &Looked, entry: &Entry, cancel: &Cancel) -> Result<blake3::Hash, Left> {
+    let path = full(&looked.name, &entry.path);
+    let reading = |e: io::Error| left(DiskError::new("read", &path, e));
+    let mut file = looked.open(entry).map_err(|errno| reading(errno.into()))?;
+    let (mut hasher, mut block) = (blake3::Hasher::new(), vec![0u8; BLOCK]);
+    loop {
+        stopped(cancel)?;
+        match file.read(&mut block).map_err(reading)? {
+            0 => return Ok(hasher.finalize()),
+            read => hasher.update(&block[..read]),
+        };
+    }
+}
+
 fn hash(looked: &Looked, entry: &Entry) -> io::Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(looked.open(entry)?)?;

@@ -4,6 +4,7 @@
 
 use std::ffi::OsStr;
 use std::fs::File;
+use std::io::Read;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,6 @@ use rustix::fs::{AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, openat, statat
 use rustix::io::Errno;
 
 use super::Left;
-use crate::job::Input;
 use crate::watch::names;
 
 const FOLDER: OFlags = OFlags::DIRECTORY.union(OFlags::NOFOLLOW).union(OFlags::CLOEXEC);
@@ -34,6 +34,10 @@ pub(super) struct Entry {
     pub kind: Kind,
     pub size: u64,
     pub mtime_ns: i64,
+    /// The number and the time of change, of a file: those of a folder change with
+    /// what is removed from it.
+    pub inode: u64,
+    pub ctime_ns: i64,
 }
 
 impl Entry {
@@ -43,18 +47,25 @@ impl Entry {
             FileType::Directory => Kind::Folder,
             _ => Kind::Other,
         };
-        let mtime_ns = stat.st_mtime.saturating_mul(1_000_000_000).saturating_add(stat.st_mtime_nsec as i64);
-        Entry { path, kind, size: stat.st_size as u64, mtime_ns }
+        let ns = |seconds: i64, nanos: i64| seconds.saturating_mul(1_000_000_000).saturating_add(nanos);
+        let (mtime_ns, ctime_ns) =
+            (ns(stat.st_mtime, stat.st_mtime_nsec as i64), ns(stat.st_ctime, stat.st_ctime_nsec as i64));
+        Entry { path, kind, size: stat.st_size as u64, mtime_ns, inode: stat.st_ino, ctime_ns }
     }
 
-    pub fn is(&self, input: &Input) -> bool {
-        self.size == input.size && self.mtime_ns == input.mtime_ns
+    /// Whether it has the name of what macOS keeps beside a file, and is not that.
+    pub fn is_disguised(&self, looked: &Looked) -> bool {
+        let Some(name) = self.path.file_name().and_then(OsStr::to_str) else { return true };
+        if !name.starts_with("._") {
+            return self.kind != Kind::File;
+        }
+        let mut magic = [0u8; 4];
+        let read = looked.open(self).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok());
+        self.kind != Kind::File || !read || magic != [0, 5, 0x16, 7]
     }
 
     pub fn looks_like_a_cloud(&self, full: &Path) -> bool {
-        full.file_name()
-            .and_then(OsStr::to_str)
-            .is_none_or(|n| names::is_cloud(n) || names::is_partial_cloud(n))
+        full.file_name().and_then(OsStr::to_str).is_none_or(|n| names::is_cloud(n) || names::is_under_way(n))
     }
 }
 

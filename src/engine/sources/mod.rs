@@ -2,11 +2,12 @@
 //! `done/<name>/` or removed, where the configuration or the data set's marker
 //! says so.
 //!
-//! These are somebody's only copies, perhaps. So nothing is touched unless it is,
-//! to the byte count and time, what was converted; unless it lies in a watched
-//! folder, and without a symbolic link anywhere in it; and unless nothing came to
-//! it meanwhile. What does not pass stays where it is, with the reason in the
-//! job's history. Every step may be cut off by a crash and begun again.
+//! These are somebody's only copies, perhaps. So nothing is touched unless its
+//! octree is there; unless it is, by its content, what was converted; unless it
+//! lies in a watched folder, and without a symbolic link anywhere in it; unless
+//! nobody writes to it; and unless nothing came to it meanwhile. What does not pass
+//! stays where it is, with the reason in the job's history. Every step may be cut
+//! off by a crash and begun again.
 
 mod carry;
 mod look;
@@ -16,11 +17,16 @@ use std::path::{Path, PathBuf};
 
 use crate::config::Config;
 use crate::config::sources::OnDone;
-use crate::disk::Disk;
+use crate::disk::{Disk, seal};
+use crate::engine::converter::Report;
 use crate::job::{Input, Job};
 use crate::stage::context::Cancel;
 use crate::watch::marker::{self, Marker};
+use crate::watch::{is_written, names};
 use look::{Entry, Kind, Looked};
+
+/// What systems leave beside files is small, in bytes.
+const MOST_JUNK: u64 = 4 << 20;
 
 /// What is to be done with which sources.
 #[derive(Debug, Clone)]
@@ -36,6 +42,9 @@ pub(super) struct Plan {
     pub done: PathBuf,
     /// Bytes that stay free on the disk that they are copied to.
     pub reserve: u64,
+    /// Where the octree is to be, and what tells it from others.
+    pub octree: PathBuf,
+    pub seal: Option<String>,
 }
 
 /// What was done.
@@ -66,6 +75,13 @@ pub(super) fn wish(config: &Config, source: &Path) -> OnDone {
     Marker::read(&path).map_or(OnDone::Keep, |marker| marker.on_done.unwrap_or(config.on_done))
 }
 
+/// Why the sources of this job are not put away, whatever was asked for.
+pub(super) fn doubt(job: &Job, report: &Report) -> Option<String> {
+    let missing = report.points_missing;
+    let damaged = (missing > 0).then(|| format!("{missing} points of it could not be read"));
+    job.doubt.clone().map(|doubt| format!("it may not be whole: {doubt}")).or(damaged)
+}
+
 impl Plan {
     pub fn new(config: &Config, job: &Job, what: OnDone, inputs: Vec<Input>) -> Plan {
         let roots = std::iter::once(config.inbox()).chain(config.watch.iter().cloned());
@@ -78,6 +94,8 @@ impl Plan {
             roots: roots.collect(),
             done: config.done(),
             reserve: config.disk_reserve,
+            octree: config.octrees().join(&job.name),
+            seal: job.octree.clone(),
         }
     }
 }
@@ -96,11 +114,64 @@ pub(super) fn put_away(plan: &Plan, disk: &Disk, cancel: &Cancel) -> Result<PutA
     let Some(looked) = look::look(root, name)? else { return Ok(PutAway::Gone) };
     let ours = ours(plan)?;
     let missing = check(plan, &looked, &ours)?;
+    octree_stands(plan)?;
+    prove(plan, &looked, cancel)?;
     if plan.what == OnDone::Delete {
-        carry::remove(plan, &looked, |entry| ours.contains(entry.path.as_path()), cancel)?;
+        let junk = junk(&looked, &ours);
+        let goes = |entry: &Entry| ours.contains(entry.path.as_path()) || junk.contains(entry.path.as_path());
+        carry::remove(plan, &looked, goes, cancel)?;
         return Ok(PutAway::Removed);
     }
     carry::carry(plan, &looked, &missing, disk, cancel).map(PutAway::Moved)
+}
+
+/// An octree that is not there holds nothing, whatever the queue says.
+fn octree_stands(plan: &Plan) -> Result<(), Left> {
+    let octree = plan.octree.display();
+    let why = match (seal(&plan.octree).as_deref(), plan.seal.as_deref()) {
+        (Some(there), Some(known)) if there == known && !there.is_empty() => return Ok(()),
+        // Published by an earlier version, which noted nothing.
+        (Some(there), None) if !there.is_empty() => return Ok(()),
+        (None, _) => format!("{octree} is no longer there, so {} stays", plan.source.display()),
+        _ => format!("{octree} is not the octree that was made of it, so {} stays", plan.source.display()),
+    };
+    Err(Left::ForGood(why))
+}
+
+/// Reads what is there once more: it must be, to the byte, what was converted, and
+/// nobody may be writing to it.
+fn prove(plan: &Plan, looked: &Looked, cancel: &Cancel) -> Result<(), Left> {
+    for input in &plan.inputs {
+        let within = input.path.strip_prefix(&plan.source).unwrap_or(&input.path);
+        let Some(entry) = looked.find(within) else { continue };
+        let path = input.path.display();
+        if is_written(&input.path) {
+            return Err(Left::ForNow(format!("a program holds {path} open for writing")));
+        }
+        let read = carry::hash_of(looked, entry, cancel)?;
+        if input.hash.is_empty() || read.to_hex().as_str() != input.hash {
+            return Err(Left::ForGood(format!("{path} is not what was converted, and stays")));
+        }
+        if looked.again(entry).ok().as_ref() != Some(entry) {
+            return Err(Left::ForGood(format!("{path} has changed since it was converted, and stays")));
+        }
+    }
+    Ok(())
+}
+
+/// What systems left beside the sources, where nothing of anybody's own is there:
+/// no reason to keep an empty folder.
+fn junk<'a>(looked: &'a Looked, ours: &HashSet<&Path>) -> HashSet<&'a Path> {
+    let is_junk = |entry: &Entry| {
+        let named = entry.path.iter().any(|part| part.to_str().is_some_and(names::is_junk));
+        named && entry.size <= MOST_JUNK && !entry.is_disguised(looked)
+    };
+    let others = looked.entries.iter().filter(|entry| entry.kind != Kind::Folder);
+    let others: Vec<&Entry> = others.filter(|entry| !ours.contains(entry.path.as_path())).collect();
+    if !others.iter().all(|entry| is_junk(entry)) {
+        return HashSet::new();
+    }
+    others.into_iter().map(|entry| entry.path.as_path()).collect()
 }
 
 /// What was converted, and the marker, by their paths within the source.
@@ -123,7 +194,7 @@ fn check(plan: &Plan, looked: &Looked, ours: &HashSet<&Path>) -> Result<Vec<Inpu
     for input in &plan.inputs {
         match there.get(&input.path) {
             None => missing.push(input.clone()),
-            Some(entry) if entry.kind == Kind::File && entry.is(input) => {}
+            Some(entry) if entry.kind == Kind::File && entry.size == input.size => {}
             Some(_) => return Err(stay(&input.path, "has changed since it was converted")),
         }
     }

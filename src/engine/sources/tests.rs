@@ -26,7 +26,12 @@ impl Place {
             roots: vec![root],
             done: folder.path().join("done"),
             reserve: 0,
+            octree: folder.path().join("octrees/city"),
+            seal: None,
         };
+        fs::create_dir_all(&plan.octree).expect("made");
+        fs::write(plan.octree.join("metadata.json"), "{}").expect("written");
+        plan.seal = seal(&plan.octree);
         for file in files {
             let path = if file.is_empty() { source.clone() } else { source.join(file) };
             fs::create_dir_all(path.parent().expect("a folder")).expect("made");
