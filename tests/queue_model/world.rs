@@ -215,7 +215,8 @@ impl Life {
     /// its end.
     pub fn tick(&mut self, polls: usize) -> Result<bool, Broken> {
         let done = self.runtime.block_on(cut_off(self.engine.tick(), polls));
-        self.runtime.block_on(tokio::task::spawn_blocking(|| ())).expect("all before it is done");
+        let last = async { tokio::task::spawn_blocking(|| ()).await };
+        self.runtime.block_on(last).expect("all before it is done");
         match done {
             Some(Err(error)) => return Err(format!("a tick failed: {error}")),
             Some(Ok(_)) => self.wait_for_workers(),

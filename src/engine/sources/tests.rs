@@ -254,3 +254,63 @@ fn the_marker_of_a_folder_decides_and_a_spoiled_one_keeps_all() {
     }
     assert_eq!(wish(&config, &place.plan.source.join("a.las")), OnDone::Delete);
 }
+
+/// Neither size nor time tells; reading it does.
+#[test]
+fn other_content_of_the_same_size_and_time_stays() {
+    for what in [OnDone::Move, OnDone::Delete] {
+        for files in [&[""][..], &["a.las", "deep/b.las"][..]] {
+            let place = Place::new(what, "set", files);
+            let path = &place.plan.inputs[files.len() - 1].path;
+            let time = fs::metadata(path).expect("there").modified().expect("a time");
+            let other = vec![b'x'; place.plan.inputs[files.len() - 1].size as usize];
+            fs::write(path, other).expect("written");
+            fs::File::options().append(true).open(path).expect("there").set_modified(time).expect("set");
+            place.stays("not what was converted");
+        }
+    }
+}
+
+#[test]
+fn without_its_octree_a_source_stays() {
+    for what in [OnDone::Move, OnDone::Delete] {
+        let place = Place::new(what, "a.las", &[""]);
+        fs::write(place.plan.octree.join("metadata.json"), "{\"another\": 1}").expect("written");
+        place.stays("not the octree");
+        fs::remove_dir_all(&place.plan.octree).expect("removed");
+        place.stays("no longer there");
+        fs::create_dir(&place.plan.octree).expect("made");
+        place.stays("not the octree");
+        let mut old = Place::new(what, "a.las", &[""]);
+        old.plan.seal = None;
+        assert!(old.put_away().is_ok(), "an earlier version noted nothing");
+    }
+}
+
+#[test]
+fn a_source_that_is_written_to_waits() {
+    let place = Place::new(OnDone::Delete, "a.las", &[""]);
+    let writer = fs::File::options().append(true).open(&place.plan.source).expect("opened");
+    assert!(matches!(place.put_away(), Err(Left::ForNow(_))));
+    drop(writer);
+    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+}
+
+#[test]
+fn what_systems_left_goes_and_what_is_somebodys_own_keeps_it() {
+    let apple = b"\0\x05\x16\x07rest";
+    let place = Place::new(OnDone::Delete, "tiles", &["a.las", "deep/b.las"]);
+    fs::write(place.plan.source.join("._a.las"), apple).expect("written");
+    fs::write(place.plan.source.join("deep/.DS_Store"), "x").expect("written");
+    fs::create_dir(place.plan.source.join("__MACOSX")).expect("made");
+    fs::write(place.plan.source.join("__MACOSX/._a.las"), apple).expect("written");
+    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+    assert!(!place.plan.source.exists());
+    for (name, text) in [("notes.txt", &b"mine"[..]), ("._b.las", b"LASF"), ("._c.las", b"")] {
+        let place = Place::new(OnDone::Delete, "tiles", &["a.las"]);
+        fs::write(place.plan.source.join(name), text).expect("written");
+        fs::write(place.plan.source.join(".DS_Store"), "x").expect("written");
+        assert_eq!(place.put_away(), Ok(PutAway::Removed));
+        assert!(place.plan.source.join(name).exists() && place.plan.source.join(".DS_Store").exists(), "{name}");
+    }
+}

@@ -30,6 +30,9 @@ fn arrival(content: &str) -> Arrival {
         options: "{}".into(),
         priority: 0,
         points: 0,
+        doubt: None,
+        refusal: None,
+        octrees: "/nowhere".into(),
     }
 }
 
