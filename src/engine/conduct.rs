@@ -143,7 +143,7 @@ fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
     let result = run_stages(request, context, &mut traces);
     let resumed = traces.resumed;
     match &result {
-        Ok(_) if request.keep_scratch => traces.folders.truncate(1),
+        Ok(_) if request.keep_scratch => traces.folders.clear(),
         Ok(_) => {}
         Err(error) if may_go_on(error) && units_done(&context.scratch) > 0 => traces.folders.clear(),
         Err(_) => {}
@@ -165,7 +165,7 @@ fn may_go_on(error: &StageError) -> bool {
 /// What a conversion leaves behind if nobody takes it away; also when it panics.
 struct Traces {
     disk: Disk,
-    /// Staging, then scratch; empty until they are ours.
+    /// Staging until the octree has its name, and scratch; empty until they are ours.
     folders: Vec<PathBuf>,
     /// Whether receipts of an earlier run were taken up.
     resumed: bool,
@@ -179,15 +179,28 @@ impl Traces {
     }
 
     fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>, context: &Context) {
-        self.folders = vec![staging.folder.clone(), context.scratch.clone()];
+        self.folders = vec![staging.folder.clone()];
+        // Without a scratch folder of our own that name may be another's soon.
+        self.folders.extend(scratch.map(|_| context.scratch.clone()));
         self.locks.push(staging.lock.clone());
         self.locks.extend(scratch.map(|scratch| scratch.lock.clone()));
     }
 }
 
+impl Traces {
+    /// That name is free now for whoever converts to the same output next, and the
+    /// octree for whoever replaces it.
+    fn published(&mut self, staging: Staging) {
+        self.folders.retain(|folder| *folder != staging.folder);
+        self.locks.retain(|lock| !Arc::ptr_eq(lock, &staging.lock));
+    }
+}
+
 impl Drop for Traces {
     fn drop(&mut self) {
-        for folder in &self.folders {
+        // By now another conversion may have a folder of that name.
+        let ours = |folder: &&PathBuf| self.locks.iter().any(|lock| lock.is_at(folder));
+        for folder in self.folders.iter().filter(ours) {
             if let Err(error) = self.disk.remove_dir_all(folder) {
                 tracing::warn!(%error, "left something behind");
             }
@@ -294,6 +307,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         scratch.sync()?;
     }
     publish::swap_in(disk, &staging.folder, &request.output, request.overwrite)?;
+    traces.published(staging);
     context.progress.begin(Stage::Done, survey.points);
     context.progress.advance(survey.points);
     Ok(outcome)

@@ -1,1 +1,5 @@
 //! Hostile names, links, foreign octrees, crashes and full disks.
+
+mod foreign;
+mod inbox;
+mod overwrite;
