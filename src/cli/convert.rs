@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::Exit;
 use super::output::{complain, say};
 use super::progress::{self, Style};
+use crate::words::Plain;
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
@@ -157,12 +158,12 @@ fn scratch_name(name: &str, output: &Path) -> String {
 
 fn print_outcome(request: &Request, outcome: &Outcome) {
     for note in outcome.repairs.iter().chain(&outcome.notes) {
-        say!("note: {note}");
+        say!("note: {}", Plain(note));
     }
     let seconds: f64 = outcome.seconds_by_stage.values().sum();
     say!(
         "{}: {} points in {} nodes, {} levels, {:.1} MB, in {:.2} s ({:.2} million points a second)",
-        request.output.display(),
+        Plain(request.output.display()),
         super::grouped(outcome.points_out),
         super::grouped(outcome.nodes),
         outcome.depth + 1,

@@ -13,7 +13,7 @@ use crate::format::las::{Header, LasFile};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::{self, Metadata, MetadataAttribute, Node, files};
 use crate::stage::machine::default_memory_limit;
-use crate::words;
+use crate::words::{self, Plain};
 
 /// Describe an octree or a LAS/LAZ file
 #[derive(Debug, clap::Args)]
@@ -69,7 +69,7 @@ struct Page(String);
 impl Page {
     fn line(&mut self, title: &str, text: impl fmt::Display) {
         // Writing to a string cannot fail.
-        let _ = writeln!(self.0, "{title:<14} {text}");
+        let _ = writeln!(self.0, "{title:<14} {}", Plain(text));
     }
 
     /// A text of several lines, under one title.

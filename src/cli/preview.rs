@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::output::say;
 use super::{Exit, sheet};
+use crate::words::Plain;
 use crate::disk::Disk;
 use crate::render::colour::ColorBy;
 use crate::render::framing::View;
@@ -127,7 +128,7 @@ fn context(into: &Path, threads: usize) -> Context {
 }
 
 fn tell(into: &Path, made: &Preview) {
-    say!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
+    say!("{} by {}, drawn by {}, {:.2} s", Plain(into.display()), Plain(&made.shows), made.renderer, made.seconds);
     for asset in &made.assets {
         let size = format!("{}x{}", asset.width, asset.height);
         let (points, kib) = (asset.effort.points, asset.bytes / 1024);
