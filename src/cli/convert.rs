@@ -7,12 +7,12 @@ use std::sync::Arc;
 use super::Exit;
 use super::output::{complain, say};
 use super::progress::{self, Style};
-use crate::words::Plain;
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::stage::staging::{staging_folder, within_a_name};
+use crate::words::Plain;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
 #[derive(Debug, clap::Args)]

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::{Exit, failed, output};
-use crate::words::Plain;
 use crate::clock::Clock;
 use crate::config::Layer;
 use crate::config::age::Age;
@@ -16,6 +15,7 @@ use crate::job::facts::Facts;
 use crate::job::time;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::{Attempt, History, Store, StoreError};
+use crate::words::Plain;
 
 /// List, show and control the jobs of the queue
 #[derive(Debug, clap::Args)]

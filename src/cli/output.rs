@@ -119,7 +119,9 @@ fn escaped(line: &str, colors: bool) -> String {
     let mut parts = line.split('\u{1b}');
     let mut out = Plain(parts.next().unwrap_or_default()).to_string();
     for part in parts {
-        let digits = part.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+        let digits = part
+            .strip_prefix('[')
+            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
         let is_color = digits.is_some_and(|rest| rest.starts_with('m'));
         out += if colors && is_color { "\u{1b}" } else { "\\u001b" };
         out += &Plain(part).to_string();

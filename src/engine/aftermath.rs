@@ -212,7 +212,7 @@ impl Aftermath {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, true).await {
+            if let Err(error) = self.turn(tools, Room::None, true).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {

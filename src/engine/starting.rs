@@ -163,8 +163,10 @@ impl Engine {
         self.tools.metrics.attempts.inc();
         self.tools.board.hang_up(job.id, progress, now);
         let id = job.id;
-        self.running
-            .insert(id, Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now), alone: false });
+        self.running.insert(
+            id,
+            Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now), alone: false },
+        );
         worker::start(
             id,
             self.tools.converter.clone(),

@@ -195,7 +195,10 @@ fn a_run_that_goes_on_from_damaged_scratch_begins_anew() {
             damage_scratch(&context.scratch, damage);
         }
         conduct::convert(&request, &common::context(folder.path(), 2, 24 << 20)).unwrap();
-        assert!(common::octree_bytes(&folder.path().join("octree")) == common::octree_bytes(&expected), "{damage}");
+        assert!(
+            common::octree_bytes(&folder.path().join("octree")) == common::octree_bytes(&expected),
+            "{damage}"
+        );
         fs::remove_dir_all(folder.path().join("octree")).unwrap();
     }
 }
