@@ -10,7 +10,7 @@ use tokio::task::{JoinHandle, JoinSet};
 
 use super::Tools;
 use super::hook::{self, Ended};
-use super::preview::Previews;
+use super::preview::{Previews, Room};
 use super::sources::{self, Left, Plan, PutAway};
 use crate::clock::Millis;
 use crate::job::{JobId, State};
@@ -46,14 +46,19 @@ pub(super) struct Aftermath {
 }
 
 impl Aftermath {
+    /// Whether pictures are drawn, and whether by suspects.
+    pub fn draws(&self) -> (bool, bool) {
+        (self.previews.are_at_work(), self.previews.are_suspect())
+    }
+
     /// Takes note of what has ended and starts what is owed.
-    pub async fn turn(&mut self, tools: &Tools, stopping: bool) -> Result<()> {
+    pub async fn turn(&mut self, tools: &Tools, room: Room, stopping: bool) -> Result<()> {
         let now = tools.clock.now();
         self.carried(tools, now).await?;
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
-        self.previews.turn(tools, stopping).await?;
+        self.previews.turn(tools, if stopping { Room::None } else { room }).await?;
         if stopping {
             return Ok(());
         }
@@ -210,7 +215,7 @@ impl Aftermath {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, true).await {
+            if let Err(error) = self.turn(tools, Room::None, true).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {

@@ -18,6 +18,7 @@ mod publish;
 pub mod report;
 mod sources;
 mod stall;
+mod starting;
 mod worker;
 
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -30,24 +31,19 @@ use crate::clock::{Clock, Millis};
 use crate::config::Config;
 use crate::disk::Disk;
 use crate::job::verdict::End;
-use crate::job::{Input, Job, JobId, Wish};
+use crate::job::{Job, JobId, Wish};
 use crate::metrics::Metrics;
-use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::options::Options;
+use crate::stage::context::Cancel;
 use crate::stage::scratch::units_done;
 use crate::store::board::Board;
 use crate::store::{Ending, Recovered, Result, Store};
 use aftermath::Aftermath;
-use converter::{Converter, Work};
+use converter::Converter;
 use ending::wish_end;
 use preflight::Lane;
 use stall::Pulse;
 use worker::Finished;
 
-/// How many waiting jobs are looked at for one that fits.
-const LOOK_AHEAD: i64 = 1000;
-/// How many are looked at first; mostly one of them does.
-const FIRST_LOOK: i64 = 16;
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
 /// How often scratch is swept though no run ended, in milliseconds: a job that is
@@ -68,14 +64,6 @@ pub struct Tools {
     pub bell: Arc<Notify>,
 }
 
-/// The options that a job was queued with; never others in their place.
-fn options_of(job: &Job) -> std::result::Result<Options, String> {
-    if let Some(refusal) = &job.refusal {
-        return Err(format!("{refusal}; mend or remove it, and the data set is taken anew"));
-    }
-    serde_json::from_value(job.options.clone()).map_err(|e| format!("its options cannot be read: {e}"))
-}
-
 /// Why the engine stopped a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
@@ -92,6 +80,8 @@ struct Running {
     stop: Option<Stop>,
     beat_at: Millis,
     pulse: Pulse,
+    /// It may have brought the daemon down: nothing else runs meanwhile.
+    alone: bool,
 }
 
 /// What a tick did.
@@ -118,6 +108,8 @@ pub struct Engine {
     abandoned: HashSet<JobId>,
     aftermath: Aftermath,
     swept_at: Millis,
+    /// A suspect waits until all else has ended.
+    makes_room: bool,
     stopping: bool,
 }
 
@@ -134,6 +126,7 @@ impl Engine {
             abandoned: HashSet::new(),
             aftermath: Aftermath::default(),
             swept_at: 0,
+            makes_room: false,
             stopping: false,
         }
     }
@@ -190,7 +183,7 @@ impl Engine {
         self.look_at_progress().await?;
         self.give_up_the_dead().await?;
         let (started, held) = if self.stopping { (0, 0) } else { self.start_ready().await? };
-        self.aftermath.turn(&self.tools, self.stopping).await?;
+        self.aftermath.turn(&self.tools, self.room(), self.stopping).await?;
         let now = self.tools.clock.now();
         let due = self.tools.store.next_start(now).await?;
         Ok(Outcome { ended, started, held, running: self.running.len(), due })
@@ -254,111 +247,6 @@ impl Engine {
             }
         }
         Ok(())
-    }
-
-    /// Step 4.
-    async fn start_ready(&mut self) -> Result<(usize, usize)> {
-        let (mut started, mut held) = (0, 0);
-        for lane in [Lane::Heavy, Lane::Light] {
-            let mut looked_at = 0;
-            for limit in [FIRST_LOOK, LOOK_AHEAD] {
-                if !self.is_free(lane) {
-                    break;
-                }
-                let now = self.tools.clock.now();
-                let sizes = lane.sizes(&self.tools.config);
-                let jobs = self.tools.store.ready(now, self.longest_wait(), sizes, limit).await?;
-                let all = (jobs.len() as i64) < limit;
-                for job in jobs.into_iter().skip(looked_at) {
-                    if !self.is_free(lane) {
-                        break;
-                    }
-                    match self.try_start(job, lane, now).await? {
-                        true => started += 1,
-                        false => held += 1,
-                    }
-                }
-                if all {
-                    break;
-                }
-                looked_at = limit as usize;
-            }
-        }
-        Ok((started, held))
-    }
-
-    /// No job is told to wait for longer.
-    fn longest_wait(&self) -> Millis {
-        let policy = &self.tools.config.policy;
-        policy.longest_wait.max(policy.first_wait)
-    }
-
-    /// Starts a job, or says why it does not start yet.
-    async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
-        let store = self.tools.store.clone();
-        if let Some(reason) = self.waits_for_a_run(&job) {
-            if job.hold.as_deref() != Some(reason) {
-                store.hold(job.id, Some(reason), now).await?;
-            }
-            return Ok(false);
-        }
-        let inputs = store.inputs(job.id).await?;
-        let in_hand: Vec<(Lane, u64)> =
-            self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
-        let trouble = preflight::input_trouble(&inputs);
-        let is_input = trouble.is_some();
-        if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
-            let is_news = job.hold.as_deref() != Some(reason.as_str());
-            if is_news && !(is_input && store.give_way(job.id, &reason, now).await?) {
-                tracing::warn!(job = job.id, name = job.name, reason, "held");
-                store.hold(job.id, Some(&reason), now).await?;
-            }
-            return Ok(false);
-        }
-        let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
-        match options_of(&job) {
-            Ok(options) => self.start(job, lane, inputs, options, now),
-            Err(error) => {
-                let ending = Ending { end: End::Hopeless, error: Some(error) };
-                store.finish(job.id, &self.owner, &ending, &self.tools.config.policy, now).await?;
-                tracing::error!(job = job.id, name = job.name, error = ending.error, "failed");
-            }
-        }
-        Ok(true)
-    }
-
-    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, mut options: Options, now: Millis) {
-        let config = &self.tools.config;
-        tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
-        let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
-        let context = Context {
-            disk: self.tools.disk.clone(),
-            scratch: janitor::scratch_of(config, job.id),
-            threads: config.threads,
-            memory_limit: lane.memory(config),
-            cancel: cancel.clone(),
-            progress: progress.clone(),
-        };
-        // The staging folder's name is nothing to go by.
-        options.name.get_or_insert_with(|| job.name.clone());
-        let work = Work::new(inputs, publish::staging(config, job.id), options);
-        self.tools.metrics.attempts.inc();
-        self.tools.board.hang_up(job.id, progress, now);
-        let id = job.id;
-        self.running
-            .insert(id, Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now) });
-        worker::start(
-            id,
-            self.tools.converter.clone(),
-            work,
-            context,
-            self.sender.clone(),
-            self.tools.bell.clone(),
-        );
-    }
-
-    fn is_free(&self, lane: Lane) -> bool {
-        self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
     }
 
     /// Clears what jobs without work before them left in scratch and staging.
