@@ -15,6 +15,7 @@ mod engine_support;
 mod attacks;
 mod formats;
 mod inputs;
+mod laz;
 mod messages;
 mod page;
 mod served;

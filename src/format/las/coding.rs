@@ -1,5 +1,7 @@
-//! One LAZ chunk to raw records and back, and what must hold before the `laz`
-//! crate is given anything: it trusts sizes, and panics where they lie.
+//! One LAZ chunk to raw records and back: by [`crate::format::laz`], and what is rare
+//! by the `laz` crate (items of version 1, wave packets, encoding of the formats 0 to 5).
+//! What must hold before that is given anything is checked here: it trusts sizes, and
+//! panics where they lie.
 //!
 //! Chunks of the point formats 0 to 5 are one arithmetic-coded stream; those of
 //! 6 to 10 are layers, one stream a field, whose sizes stand at the chunk's
@@ -14,6 +16,7 @@ use laz::record::{
 use laz::{LazItem, LazItemType};
 
 use super::fields;
+use crate::format::laz::{Decoder, Encoder, Shape};
 
 /// How one file's records are compressed.
 #[derive(Debug, Clone)]
@@ -22,6 +25,8 @@ pub struct Coding {
     pub layered: bool,
     /// Bytes of a decoded record.
     pub record_length: usize,
+    /// Where these items are coded without the `laz` crate.
+    own: Option<Shape>,
 }
 
 /// Extra bytes that a LAZ record may have. Every one of them costs `laz` a
@@ -77,7 +82,17 @@ impl Coding {
             ));
         }
         let record_length = items.iter().map(|item| usize::from(item.size())).sum();
-        Ok(Coding { items: items.to_vec(), layered, record_length })
+        let extra = extra.iter().map(|item| usize::from(item.size())).sum();
+        let version = items.first().map_or(0, LazItem::version);
+        let own = Shape::new(point_format, extra, version)
+            .filter(|_| items.iter().all(|item| item.version() == version));
+        Ok(Coding { items: items.to_vec(), layered, record_length, own })
+    }
+
+    /// The same records by the `laz` crate, to hold our own codec against.
+    #[cfg(test)]
+    pub fn without_own(&self) -> Coding {
+        Coding { own: None, ..self.clone() }
     }
 
     /// Layers of a layered chunk: nine of the point itself, one of each further
@@ -111,10 +126,12 @@ impl Coding {
         (points, self.layered_front() as u64 + words.sum::<u64>())
     }
 
-    /// Decodes a whole chunk into `records`, whose length says how many points
-    /// it has. The bytes must be used up exactly: LAZ has no checksum, and this
-    /// is what gives a damaged stream away.
-    pub fn decode(&self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
+    /// Decodes chunks, one after the other.
+    pub fn decoder(&self) -> ChunkDecoder<'_> {
+        ChunkDecoder { coding: self, own: self.own.map(Decoder::new) }
+    }
+
+    fn decode_by_laz(&self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
         let points = (records.len() / self.record_length) as u64;
         if self.layered {
             self.check_layers(chunk, points)?;
@@ -127,7 +144,7 @@ impl Coding {
         })?;
         match left {
             0 => Ok(()),
-            _ => Err(format!("{left} of its {} bytes are left over", chunk.len())),
+            _ => Err(format!("{left} of its bytes are left over")),
         }
     }
 
@@ -149,6 +166,11 @@ impl Coding {
     /// Compresses whole records into one chunk.
     pub fn encode(&self, records: &[u8]) -> Result<Vec<u8>, String> {
         guard(|| {
+            if let Some(mut encoder) = self.own.and_then(Encoder::new) {
+                let mut chunk = Vec::new();
+                encoder.encode(records, &mut chunk);
+                return Ok(chunk);
+            }
             if self.layered {
                 let mut encoder = LayeredPointRecordCompressor::new(Vec::new());
                 encode_with(&mut encoder, &self.items, records)?;
@@ -159,6 +181,25 @@ impl Coding {
                 Ok(encoder.into_inner())
             }
         })
+    }
+}
+
+/// Decodes chunks of one file.
+#[derive(Debug)]
+pub struct ChunkDecoder<'a> {
+    coding: &'a Coding,
+    own: Option<Decoder>,
+}
+
+impl ChunkDecoder<'_> {
+    /// Decodes a whole chunk into `records`, whose length says how many points
+    /// it has. The bytes must be used up exactly: LAZ has no checksum, and this
+    /// is what gives a damaged stream away.
+    pub fn decode(&mut self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
+        match &mut self.own {
+            Some(decoder) => guard(|| decoder.decode(chunk, records).map_err(io::Error::other)),
+            None => self.coding.decode_by_laz(chunk, records),
+        }
     }
 }
 
@@ -203,5 +244,63 @@ pub fn guard<T>(work: impl FnOnce() -> io::Result<T>) -> Result<T, String> {
         }
         Ok(Err(error)) => Err(error.to_string()),
         Err(_) => Err("its bytes make no sense".to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::records;
+    use super::*;
+
+    fn coding(point_format: u8, extra: u16) -> Coding {
+        let vlr = laz::LazVlrBuilder::default().with_point_format(point_format, extra).unwrap().build();
+        Coding::new(vlr.items(), point_format).unwrap()
+    }
+
+    #[test]
+    fn both_codecs_do_the_same_through_the_seam() {
+        for point_format in 0..=10 {
+            for extra in [0, 3] {
+                let coding = coding(point_format, extra);
+                let is_own = !matches!(point_format, 4 | 5 | 9 | 10);
+                assert_eq!(coding.own.is_some(), is_own, "format {point_format}");
+                let by_laz = coding.without_own();
+                let records = records(point_format, usize::from(extra), 700, 3);
+                let chunk = coding.encode(&records).unwrap();
+                assert_eq!(chunk, by_laz.encode(&records).unwrap(), "format {point_format}");
+                for coding in [&coding, &by_laz] {
+                    let mut decoder = coding.decoder();
+                    for _ in 0..2 {
+                        let mut decoded = vec![0; records.len()];
+                        decoder.decode(&chunk, &mut decoded).unwrap();
+                        assert!(decoded == records, "format {point_format}");
+                        // Damage is an error, and none for what is decoded next.
+                        let cut = &chunk[..chunk.len() - 9];
+                        assert!(decoder.decode(cut, &mut decoded).is_err(), "format {point_format}");
+                        let one = &mut decoded[..coding.record_length];
+                        assert!(decoder.decode(&chunk, one).is_err(), "format {point_format}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn items_of_other_versions_are_left_to_laz() {
+        for (point_format, versions) in [(3, [2, 1, 2]), (3, [1, 1, 1]), (7, [3, 4, 3])] {
+            let own = coding(point_format, 0);
+            let mut record = vec![0; 34];
+            record[0] = if own.layered { 3 } else { 2 };
+            record[12..16].copy_from_slice(&100u32.to_le_bytes());
+            record[32] = own.items.len() as u8;
+            for (item, version) in own.items.iter().zip(versions) {
+                for number in [u16::from(item.item_type()), item.size(), version] {
+                    record.extend_from_slice(&number.to_le_bytes());
+                }
+            }
+            let vlr = laz::LazVlr::from_buffer(&record).unwrap();
+            let coding = Coding::new(vlr.items(), point_format).unwrap();
+            assert!(own.own.is_some() && coding.own.is_none(), "{versions:?}");
+        }
     }
 }
