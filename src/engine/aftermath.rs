@@ -15,7 +15,7 @@ use super::sources::{self, Left, Plan, PutAway};
 use crate::clock::Millis;
 use crate::job::{JobId, State};
 use crate::stage::context::Cancel;
-use crate::store::{Result, Telling};
+use crate::store::{Mode, Result, Telling};
 
 /// Hooks that run at the same time.
 const HOOKS: usize = 4;
@@ -47,13 +47,13 @@ pub(super) struct Aftermath {
 
 impl Aftermath {
     /// Takes note of what has ended and starts what is owed.
-    pub async fn turn(&mut self, tools: &Tools, stopping: bool) -> Result<()> {
+    pub async fn turn(&mut self, tools: &Tools, stopping: bool, mode: Mode) -> Result<()> {
         let now = tools.clock.now();
         self.carried(tools, now).await?;
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
-        self.previews.turn(tools, stopping).await?;
+        self.previews.turn(tools, stopping || mode == Mode::Pause).await?;
         if stopping {
             return Ok(());
         }
@@ -207,7 +207,7 @@ impl Aftermath {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, true).await {
+            if let Err(error) = self.turn(tools, true, Mode::Run).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {

@@ -11,6 +11,8 @@
 
 pub mod board;
 mod intake;
+mod listing;
+mod log;
 mod owed;
 mod previews;
 mod purge;
@@ -18,6 +20,7 @@ mod queue;
 mod recovery;
 mod row;
 mod sharing;
+mod steering;
 mod views;
 
 use std::io::ErrorKind;
@@ -35,10 +38,12 @@ use sqlx::{Connection, SqlSafeStr, Sqlite, Transaction};
 use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
+pub use listing::{Listing, Page, Place, Reason, Shown, Sort};
 pub use owed::Telling;
 pub use previews::{Drawn, Due, Preview, Settled};
 pub use queue::Ending;
 pub use recovery::Recovered;
+pub use steering::Mode;
 pub use views::{Attempt, Counts, History};
 
 #[derive(Debug, thiserror::Error)]
@@ -108,6 +113,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (3, "units", include_str!("../../migrations/0003_units.sql")),
     (4, "preview", include_str!("../../migrations/0004_preview.sql")),
     (5, "sources", include_str!("../../migrations/0005_sources.sql")),
+    (6, "page", include_str!("../../migrations/0006_page.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must
