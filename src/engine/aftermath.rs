@@ -1,5 +1,6 @@
 //! What follows from a job's end, beside the engine's wheel and never in its way:
-//! its sources are put away, its hook is told, pictures are made of its octree, and
+//! its sources are put away, its hook is told, pictures are made of its octree, it is verified where that was
+//! ordered, and
 //! long after its record goes. The debts stand in the queue ([`crate::store`]);
 //! what is only known here may be forgotten by a crash.
 
@@ -12,6 +13,7 @@ use super::Tools;
 use super::hook::{self, Ended};
 use super::preview::Previews;
 use super::sources::{self, Left, Plan, PutAway};
+use super::verification::Verifications;
 use crate::clock::Millis;
 use crate::job::{JobId, State};
 use crate::stage::context::Cancel;
@@ -43,6 +45,7 @@ pub(super) struct Aftermath {
     purging: Option<JoinHandle<()>>,
     purged_at: Millis,
     previews: Previews,
+    verifications: Verifications,
 }
 
 impl Aftermath {
@@ -53,7 +56,9 @@ impl Aftermath {
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
-        self.previews.turn(tools, stopping || mode == Mode::Pause).await?;
+        let resting = stopping || mode == Mode::Pause;
+        self.previews.turn(tools, resting).await?;
+        self.verifications.turn(tools, resting).await?;
         if stopping {
             return Ok(());
         }
@@ -216,6 +221,9 @@ impl Aftermath {
             let _ = tokio::time::timeout(Duration::from_millis(50), tools.bell.notified()).await;
         }
         if let Err(error) = self.previews.abandon(tools).await {
+            tracing::error!(%error, "while stopping; its attempt counts");
+        }
+        if let Err(error) = self.verifications.abandon(tools).await {
             tracing::error!(%error, "while stopping; its attempt counts");
         }
         self.hooks.shutdown().await;

@@ -19,6 +19,7 @@ mod publish;
 pub mod report;
 mod sources;
 mod stall;
+mod verification;
 mod worker;
 
 use std::collections::{HashMap, HashSet, VecDeque};

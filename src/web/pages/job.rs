@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::super::Shared;
 use super::super::api::{self, JobView, Refusal};
 use super::super::octrees;
-use super::{attributes, frame, parts, result, words};
+use super::{attributes, frame, parts, result, share, verified, words};
 use crate::clock::Millis;
 use crate::job::machine::next;
 use crate::job::time::iso8601;
@@ -35,6 +35,8 @@ pub(super) async fn page(
     let inputs = shared.store.inputs(id).await?;
     let (attempts, history) = (shared.store.attempts(id).await?, shared.store.history(id).await?);
     let lines = shared.store.lines(id).await?;
+    let verification = shared.store.verification(id).await?;
+    let shares = shared.store.shares(&view.job.name).await?;
     let folder = shared.config.octrees().join(&view.job.name);
     let stands = view.octree.is_some();
     // Reading a few small files; the disk may be slow.
@@ -51,12 +53,14 @@ pub(super) async fn page(
         (state(&view, now))
         (pictures(&view))
         (orders(base, &view))
+        @if let Some(verification) = &verification { (verified::section(verification, now)) }
         @if let Some(report) = view.job.result.as_ref().filter(|_| view.job.state == State::Done) {
             (result::all(report))
         }
         @if let Some(on_disk) = &on_disk {
             (attributes::table(on_disk))
             (attributes::files(on_disk, &octrees::folder(&view.job.name)))
+            (share::section(base, &view.job, &shares, now))
         }
         (sources(&view, &inputs, now))
         (story(&attempts, &history, now))
@@ -188,6 +192,7 @@ fn orders(base: &str, view: &JobView) -> Markup {
                 (asked("cancel", "Cancel", "What was done of this conversion is lost. Its files stay.", "Yes, call it off"))
             }
             @if stands {
+                (plain("verify", "Verify"))
                 (plain("preview", "New pictures"))
                 (asked("retry", "Convert anew", "The octree is made once more and then replaced. It is served until then.", "Yes, convert it anew"))
             }

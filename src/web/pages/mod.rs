@@ -17,7 +17,9 @@ mod orders;
 mod overview;
 mod parts;
 mod result;
+mod share;
 pub(super) mod upload;
+mod verified;
 mod words;
 
 use axum::Router;
@@ -51,6 +53,8 @@ pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
 pub(super) fn open_router() -> Router<Shared> {
     Router::new()
         .route("/login", get(login::page))
+        .route("/share/{token}", get(share::page))
+        .route("/share/{token}/octree/{*path}", get(share::file))
         .route("/page/{stamp}/{name}", get(assets::serve))
         .route("/favicon.ico", get(assets::icon))
 }

@@ -57,6 +57,13 @@ pub(super) async fn one(
             }
             shared.store.order_preview(id, now).await?;
         }
+        "verify" => shared.store.order_verification(id, now).await?,
+        "share" => drop(shared.store.share(&shared.store.job(id).await?.name, now).await?),
+        "revoke" => {
+            let link = field(&fields, "link").and_then(|value| value.parse().ok()).ok_or_else(unknown)?;
+            let name = shared.store.job(id).await?.name;
+            shared.store.revoke_share(link, &name, now).await?;
+        }
         "dismiss" => {
             shared.store.job(id).await?;
             shared.store.dismiss(&[id], now).await?;
