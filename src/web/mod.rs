@@ -18,6 +18,7 @@ mod probes;
 mod seats;
 mod server;
 mod session;
+mod steering;
 mod stream;
 mod streams;
 mod watched;
@@ -155,7 +156,11 @@ fn routes(shared: Shared) -> Router {
         .route("/api/jobs/{id}/resume", post(api::resume))
         .route("/api/jobs/{id}/priority", post(api::priority))
         .route("/api/jobs/{id}/preview", post(api::preview))
+        .route("/api/jobs/{id}/verify", get(steering::verified).post(steering::verify))
+        .route("/api/jobs/{id}/log", get(steering::log))
+        .route("/api/queue", get(steering::queue).post(steering::set_queue))
         .route("/api/watch", get(api::watch))
+        .route("/api/openapi.json", get(steering::openapi))
         .merge(pages::router(&shared))
         .layer(limit)
         .layer(body)

@@ -10,14 +10,10 @@ use maud::{DOCTYPE, Markup, html};
 use super::super::Shared;
 use super::assets;
 
-/// Nothing runs, loads or is sent but what comes from here.
-const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; connect-src 'self'; \
-    img-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
-
 /// The path under which all is served, as behind a proxy; empty, or without a
 /// slash at its end.
-pub(super) fn base(_shared: &Shared) -> &str {
-    ""
+pub(super) fn base(shared: &Shared) -> &str {
+    shared.config.access.base()
 }
 
 /// A whole page around `main`.
@@ -37,7 +33,7 @@ pub(super) fn page(shared: &Shared, title: &str, main: Markup) -> Response {
                     a href={ (base) "/" } { "Jobs" }
                     a href={ (base) "/api/openapi.json" } { "API" }
                     button #notify.quiet type="button" hidden aria-pressed="false" { "Notify me" }
-                    @if shared.config.token.is_some() {
+                    @if shared.config.access.token.is_some() {
                         form method="post" action={ (base) "/logout" } {
                             button.quiet { "Log out" }
                         }
@@ -56,12 +52,29 @@ pub(super) fn page(shared: &Shared, title: &str, main: Markup) -> Response {
 }
 
 /// A page without what needs to be let in, as the one that asks for the token.
-pub(super) fn bare(base: &str, title: &str, status: StatusCode, main: Markup) -> Response {
+pub(in super::super) fn bare(base: &str, title: &str, status: StatusCode, main: Markup) -> Response {
     let body = html! {
         (head(base, title))
         body.bare { main #main { (main) } }
     };
     answer(status, html! { (DOCTYPE) html lang="en" { (body) } })
+}
+
+/// A page that leads to `path` at once.
+pub(super) fn leading(path: &str, main: Markup) -> Response {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="refresh" content={ "0;url=" (path) };
+                title { "Lodestone" }
+            }
+            body.bare { main #main { (main) } }
+        }
+    };
+    answer(StatusCode::UNAUTHORIZED, page)
 }
 
 fn head(base: &str, title: &str) -> Markup {
@@ -82,10 +95,7 @@ fn head(base: &str, title: &str) -> Markup {
 fn answer(status: StatusCode, page: Markup) -> Response {
     let headers = [
         (header::CONTENT_TYPE, "text/html; charset=utf-8"),
-        (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::CACHE_CONTROL, "no-store"),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::REFERRER_POLICY, "same-origin"),
     ];
     (status, headers, page.into_string()).into_response()
 }

@@ -59,7 +59,7 @@ pub(super) async fn page(
         }
         @if let Some(on_disk) = &on_disk {
             (attributes::table(on_disk))
-            (attributes::files(on_disk, &octrees::folder(&view.job.name)))
+            (attributes::files(on_disk, &octrees::folder(base, &view.job.name)))
             (share::section(base, &view.job, &shares, now))
         }
         (sources(&view, &inputs, now))

@@ -12,7 +12,7 @@ mod frame;
 mod job;
 mod list;
 pub(super) mod live;
-mod login;
+pub(super) mod login;
 mod orders;
 mod overview;
 mod parts;
@@ -52,7 +52,6 @@ pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
 /// What anybody may have: it tells nothing.
 pub(super) fn open_router() -> Router<Shared> {
     Router::new()
-        .route("/login", get(login::page))
         .route("/share/{token}", get(share::page))
         .route("/share/{token}/octree/{*path}", get(share::file))
         .route("/page/{stamp}/{name}", get(assets::serve))

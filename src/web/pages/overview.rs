@@ -177,12 +177,26 @@ pub(super) fn waiting(shared: &Shared) -> Markup {
             @if health.waiting.is_empty() {
                 p.dim { "Nothing waits there: all that was dropped is in the list." }
             } @else {
-                h3 { "Seen, not taken yet" }
+                h3 { "Seen, not taken" }
                 table.waits {
                     thead { tr { th scope="col" { "File" } th scope="col" { "Why, and what to do" } } }
                     tbody {
                         @for waiting in health.waiting.iter().take(WAITING) {
-                            tr { td { (waiting.path.to_string_lossy()) } td { (waiting.why) } }
+                            tr {
+                                td { (waiting.path.to_string_lossy()) }
+                                td {
+                                    @if !waiting.kind.may_pass() { span.badge.owed { "not taken" } " " }
+                                    (waiting.why)
+                                    @if let Some((bytes, all)) = waiting.bytes.zip(waiting.expected_bytes) {
+                                        progress max=(all) value=(bytes) aria-label="Bytes that have arrived" {
+                                            (words::bytes(bytes)) " of " (words::bytes(all))
+                                        }
+                                    }
+                                    @if let Some(job) = waiting.job {
+                                        " " a href={ (frame::base(shared)) "/jobs/" (job) } { "job " (job) }
+                                    }
+                                }
+                            }
                         }
                     }
                 }

@@ -43,7 +43,7 @@ pub(super) async fn page(
     let view = api::one(&shared, job.id).await?;
     // The pictures' addresses are those of people who are let in; here they lie below the link.
     let below = format!("{base}/share/{token}/octree");
-    let folder = octrees::folder(&name);
+    let folder = octrees::folder(base, &name);
     let here = |url: &str| url.strip_prefix(&folder).map(|rest| format!("{below}{rest}"));
     let preview = view.preview.as_ref();
     let picture = preview.and_then(|preview| preview.turntable().or_else(|| preview.still(500)));
