@@ -122,6 +122,7 @@ fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
         streams: web::Streams::default(),
         live: web::Live::default(),
         uploads: web::upload_places(),
+        figures: web::Figures::default(),
     }
 }
 

@@ -47,7 +47,11 @@ impl Verifications {
             }
             if let Some(end) = &running.ended {
                 tools.store.settle_verification(running.job, end, tools.clock.now()).await?;
-                tracing::info!(job = running.job, ok = end.as_ref().is_ok_and(|r| r["ok"] == true), "verified");
+                tracing::info!(
+                    job = running.job,
+                    ok = end.as_ref().is_ok_and(|r| r["ok"] == true),
+                    "verified"
+                );
                 self.running = None;
             }
         }

@@ -131,8 +131,6 @@ impl Place {
 #[derive(Debug, Clone, Default)]
 pub struct Page {
     pub jobs: Vec<Job>,
-    /// Jobs of the whole listing.
-    pub total: i64,
     /// Where the pages before and after it are, if there are some.
     pub previous: Option<Place>,
     pub next: Option<Place>,
@@ -150,17 +148,6 @@ const REASONS_OF: i64 = 5000;
 
 impl Store {
     pub async fn listing(&self, listing: &Listing, place: Option<&Place>, limit: i64) -> Result<Page> {
-        let total = match listing.search.is_empty() {
-            true => {
-                let counts = self.shown_counts().await?;
-                let is_in = |shown: Shown| match listing.shown {
-                    Some(wanted) => shown == wanted,
-                    None => shown != Shown::Dismissed,
-                };
-                counts.iter().filter(|(shown, _)| is_in(*shown)).map(|(_, jobs)| jobs).sum()
-            }
-            false => self.listed_count(listing).await?,
-        };
         let backward = place.is_some_and(|place| place.backward);
         let ascending = listing.ascending != backward;
         let mut query = QueryBuilder::<Sqlite>::new("SELECT id FROM job");
@@ -199,11 +186,19 @@ impl Store {
             previous: at(jobs.first(), true).filter(|_| has_previous),
             next: at(jobs.last(), false).filter(|_| has_next),
             jobs,
-            total,
         })
     }
 
-    async fn listed_count(&self, listing: &Listing) -> Result<i64> {
+    /// How many jobs a listing has; where nothing is searched for, `counts` of
+    /// [`Store::shown_counts`] tell.
+    pub async fn total(&self, listing: &Listing, counts: &[(Shown, i64)]) -> Result<i64> {
+        if listing.search.is_empty() {
+            let is_in = |shown: Shown| match listing.shown {
+                Some(wanted) => shown == wanted,
+                None => shown != Shown::Dismissed,
+            };
+            return Ok(counts.iter().filter(|(shown, _)| is_in(*shown)).map(|(_, jobs)| jobs).sum());
+        }
         let mut query = QueryBuilder::<Sqlite>::new("SELECT count(*) AS jobs FROM job INDEXED BY job_listed");
         filter(&mut query, listing);
         Ok(query.build().fetch_one(&self.readers).await?.try_get("jobs")?)
@@ -259,16 +254,18 @@ impl Store {
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
-        let reason =
-            |row: &sqlx::sqlite::SqliteRow| Ok(Reason { text: row.try_get("text")?, jobs: row.try_get("jobs")? });
+        let reason = |row: &sqlx::sqlite::SqliteRow| {
+            Ok(Reason { text: row.try_get("text")?, jobs: row.try_get("jobs")? })
+        };
         rows.iter().map(reason).collect()
     }
 
     /// Jobs that were done and their points, by hours since 1970, from `since` on.
     pub async fn done_by_hour(&self, since: i64) -> Result<Vec<(i64, i64, i64)>> {
         let rows = sqlx::query(
-            "SELECT finished_at / 3600000 AS hour, count(*) AS jobs, total(points) AS points FROM job \
-             WHERE finished_at >= ? AND state = 'done' GROUP BY hour ORDER BY hour",
+            "SELECT finished_at / 3600000 AS hour, count(*) AS jobs, total(points) AS points \
+             FROM job INDEXED BY job_listed WHERE shown IN ('done', 'replaced') AND finished_at >= ? \
+             GROUP BY hour ORDER BY hour",
         )
         .bind(since)
         .fetch_all(&self.readers)

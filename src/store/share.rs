@@ -61,7 +61,12 @@ impl Store {
             .fetch_one(&self.writer)
             .await?;
         let id = row.try_get("id")?;
-        Ok(Share { id, name: name.to_string(), token: format!("{id}-{}", signature(&key, id, name)), created_at: now })
+        Ok(Share {
+            id,
+            name: name.to_string(),
+            token: format!("{id}-{}", signature(&key, id, name)),
+            created_at: now,
+        })
     }
 
     /// Takes a link back; tells whether it held.
@@ -78,11 +83,12 @@ impl Store {
 
     /// The links to an octree that hold, the latest first.
     pub async fn shares(&self, name: &str) -> Result<Vec<Share>> {
-        let rows =
-            sqlx::query("SELECT * FROM share WHERE name = ? AND revoked_at IS NULL ORDER BY id DESC LIMIT 100")
-                .bind(name)
-                .fetch_all(&self.readers)
-                .await?;
+        let rows = sqlx::query(
+            "SELECT * FROM share WHERE name = ? AND revoked_at IS NULL ORDER BY id DESC LIMIT 100",
+        )
+        .bind(name)
+        .fetch_all(&self.readers)
+        .await?;
         if rows.is_empty() {
             return Ok(vec![]);
         }
@@ -140,7 +146,9 @@ mod tests {
         assert_eq!(opens(a.token.clone()).await.as_deref(), Some("größe"));
         assert_eq!(opens(b.token.clone()).await.as_deref(), Some("b"));
         let (_, of_a) = a.token.split_once('-').expect("a token");
-        for made_up in [format!("{}-{of_a}", b.id), format!("{}-", a.id), "".into(), "1".into(), format!("{}x", a.token)] {
+        for made_up in
+            [format!("{}-{of_a}", b.id), format!("{}-", a.id), "".into(), "1".into(), format!("{}x", a.token)]
+        {
             assert_eq!(opens(made_up).await, None);
         }
         assert_eq!(store.shares("größe").await.expect("asked"), [a.clone()]);

@@ -68,11 +68,13 @@ impl Store {
 
     /// Counts an attempt before it is begun; one that a shutdown ends is taken back.
     pub async fn count_verification(&self, job: JobId, by: i32) -> Result<()> {
-        sqlx::query("UPDATE verification SET attempts = max(0, attempts + ?) WHERE job = ? AND state = 'queued'")
-            .bind(by)
-            .bind(job)
-            .execute(&self.writer)
-            .await?;
+        sqlx::query(
+            "UPDATE verification SET attempts = max(0, attempts + ?) WHERE job = ? AND state = 'queued'",
+        )
+        .bind(by)
+        .bind(job)
+        .execute(&self.writer)
+        .await?;
         Ok(())
     }
 

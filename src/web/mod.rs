@@ -47,8 +47,8 @@ use crate::store::board::Board;
 use crate::watch::events::Mode;
 use crate::watch::waiting::Waiting;
 
-pub use pages::Live;
 pub use pages::upload::{folder as uploads, places as upload_places};
+pub use pages::{Figures, Live};
 pub use server::serve;
 pub use streams::Streams;
 
@@ -96,6 +96,8 @@ pub struct Shared {
     pub live: Live,
     /// Places for uploads.
     pub uploads: Arc<Semaphore>,
+    /// Of all jobs, for pages.
+    pub figures: Figures,
 }
 
 impl Shared {

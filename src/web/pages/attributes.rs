@@ -52,7 +52,11 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 fn shown(values: &[f64]) -> String {
-    if values.is_empty() { "—".to_string() } else { values.iter().map(|v| words::figure(*v)).collect::<Vec<_>>().join(" · ") }
+    if values.is_empty() {
+        "—".to_string()
+    } else {
+        values.iter().map(|v| words::figure(*v)).collect::<Vec<_>>().join(" · ")
+    }
 }
 
 /// From the first to the last value that there is, with what they count.
@@ -66,9 +70,25 @@ fn counts(attribute: &Value) -> Option<(usize, Vec<u64>)> {
 /// The names of ASPRS, for the classes that most clouds have.
 fn class(code: usize) -> Option<&'static str> {
     const NAMES: [&str; 19] = [
-        "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation",
-        "building", "low noise", "model key", "water", "rail", "road", "overlap", "wire guard", "wire conductor",
-        "tower", "wire connector", "bridge deck", "high noise",
+        "never classified",
+        "unclassified",
+        "ground",
+        "low vegetation",
+        "medium vegetation",
+        "high vegetation",
+        "building",
+        "low noise",
+        "model key",
+        "water",
+        "rail",
+        "road",
+        "overlap",
+        "wire guard",
+        "wire conductor",
+        "tower",
+        "wire connector",
+        "bridge deck",
+        "high noise",
     ];
     NAMES.get(code).copied()
 }

@@ -52,7 +52,8 @@ pub(super) fn bars(values: &[f64], what: &str) -> Markup {
 pub(super) fn histogram(counts: &[u64], what: &str) -> Markup {
     const MOST: usize = 64;
     let each = counts.len().div_ceil(MOST).max(1);
-    let sums: Vec<f64> = counts.chunks(each).map(|chunk| chunk.iter().map(|count| *count as f64).sum()).collect();
+    let sums: Vec<f64> =
+        counts.chunks(each).map(|chunk| chunk.iter().map(|count| *count as f64).sum()).collect();
     bars(&sums, what)
 }
 

@@ -93,10 +93,7 @@ fn head(base: &str, title: &str) -> Markup {
 }
 
 fn answer(status: StatusCode, page: Markup) -> Response {
-    let headers = [
-        (header::CONTENT_TYPE, "text/html; charset=utf-8"),
-        (header::CACHE_CONTROL, "no-store"),
-    ];
+    let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
     (status, headers, page.into_string()).into_response()
 }
 
@@ -104,11 +101,7 @@ fn answer(status: StatusCode, page: Markup) -> Response {
 const LONGEST_REFUSAL: usize = 64 * 1024;
 
 /// Turns the refusal of a request, which is JSON, into a page for people.
-pub(super) async fn explain(
-    Extract(shared): Extract<Shared>,
-    request: Request,
-    next: Next,
-) -> Response {
+pub(super) async fn explain(Extract(shared): Extract<Shared>, request: Request, next: Next) -> Response {
     let accepts = request.headers().get(header::ACCEPT);
     let wants_json = accepts.is_some_and(|value| value.as_bytes().starts_with(b"application/json"));
     let answer = next.run(request).await;

@@ -83,9 +83,11 @@ fn state(view: &JobView, now: Millis) -> Markup {
         State::Failed => "It failed. Mend what the reason names, then try it again; a file that is written \
                           anew is tried by itself."
             .to_string(),
-        State::Quarantined => "It failed again and again and is left alone, until its file is written anew or \
+        State::Quarantined => {
+            "It failed again and again and is left alone, until its file is written anew or \
                                somebody tries it again."
-            .to_string(),
+                .to_string()
+        }
         State::Cancelled => "It was called off.".to_string(),
     };
     html! {

@@ -83,7 +83,9 @@ pub(super) async fn page(
     let listing = asked.listing();
     let place = asked.at.as_deref().and_then(Place::parse);
     let page = shared.store.listing(&listing, place.as_ref(), JOBS).await?;
-    let counts = shared.store.shown_counts().await?;
+    let totals = shared.figures.get(&shared).await?;
+    let counts = &totals.counts;
+    let total = shared.store.total(&listing, counts).await?;
     let all: i64 = counts.iter().filter(|(shown, _)| *shown != Shown::Dismissed).map(|(_, jobs)| jobs).sum();
     let reasons = match listing.shown {
         Some(shown @ (Shown::In(State::Failed) | Shown::In(State::Quarantined))) => {
@@ -97,17 +99,17 @@ pub(super) async fn page(
         h1.visually-hidden { "Jobs" }
         (frame::said(asked.said.as_deref(), asked.n))
         (overview::banners(&shared).await?)
-        (overview::strip(&shared, &counts).await?)
+        (overview::strip(&shared, &totals).await?)
         (overview::upload(&shared, base))
         @if nothing { (overview::welcome(&shared)) }
         @else {
-            (tabs(base, &listing, &counts, all))
+            (tabs(base, &listing, counts, all))
             (search(base, &listing))
             @if !reasons.is_empty() { (why(base, &listing, &reasons)) }
             (bulk(base, &listing))
             @if views.is_empty() { (none(&listing)) }
             @else { (table(base, &listing, &views, now)) }
-            (pager(base, &listing, &page))
+            (pager(base, &listing, &page, total))
         }
         (overview::waiting(&shared))
     };
@@ -284,8 +286,8 @@ fn row(base: &str, view: &JobView, now: Millis) -> Markup {
     }
 }
 
-fn pager(base: &str, listing: &Listing, page: &Page) -> Markup {
-    let total = words::counted(page.total.max(0) as u64, "job", "jobs");
+fn pager(base: &str, listing: &Listing, page: &Page, total: i64) -> Markup {
+    let total = words::counted(total.max(0) as u64, "job", "jobs");
     html! {
         nav.pager #pager aria-label="Pages" {
             @if page.previous.is_some() {

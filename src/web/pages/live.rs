@@ -171,7 +171,10 @@ impl Seen {
             let health = shared.health();
             health.missing.hash(&mut hasher);
             health.queue_error.hash(&mut hasher);
-            health.waiting.iter().for_each(|waiting| (&waiting.path, waiting.kind, waiting.bytes).hash(&mut hasher));
+            health
+                .waiting
+                .iter()
+                .for_each(|waiting| (&waiting.path, waiting.kind, waiting.bytes).hash(&mut hasher));
             let state = hasher.finish();
             if self.state.replace(state).is_some_and(|seen| seen != state) && !changed {
                 self.changed(&mut text);

@@ -20,6 +20,8 @@ pub(in super::super) fn form(base: &str, next: &str, wrong: bool) -> Response {
                 @if wrong {
                     p.banner.bad role="alert" { "That is not the token. Look for blanks at its ends." }
                 }
+                // Browsers keep a secret with a name only.
+                input type="text" name="username" value="lodestone" autocomplete="username" hidden;
                 label for="token" { "Token" }
                 input #token type="password" name="token" autocomplete="current-password" required autofocus;
                 input type="hidden" name="next" value=(next);

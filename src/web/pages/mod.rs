@@ -30,6 +30,7 @@ use axum::routing::{get, post};
 use super::Shared;
 
 pub use live::Live;
+pub use overview::Figures;
 
 /// Pages and forms that answer at once.
 pub(super) fn router(shared: &Shared) -> Router<Shared> {

@@ -73,6 +73,7 @@ pub(super) async fn one(
         }
     }
     shared.bell.notify_one();
+    shared.figures.forget().await;
     Ok(Redirect::to(&format!("{}/jobs/{id}?said={order}", frame::base(&shared))).into_response())
 }
 
@@ -98,7 +99,9 @@ pub(super) async fn many(
         order => shared.store.order_all(&jobs, event(order).ok_or_else(unknown)?, now).await?,
     };
     shared.bell.notify_one();
-    let state = field(&fields, "state").and_then(Shown::parse).map(|shown| format!("&state={}", shown.name()));
+    shared.figures.forget().await;
+    let state =
+        field(&fields, "state").and_then(Shown::parse).map(|shown| format!("&state={}", shown.name()));
     let said = if reached == 0 { "none" } else { order };
     let to = format!("{}/?said={said}&n={reached}{}", frame::base(&shared), state.unwrap_or_default());
     Ok(Redirect::to(&to).into_response())
@@ -113,5 +116,6 @@ pub(super) async fn all(
     shared.store.set_mode(mode).await?;
     tracing::info!(mode = mode.name(), "set by an operator");
     shared.bell.notify_one();
+    shared.figures.forget().await;
     Ok(Redirect::to(&format!("{}/?said=mode-{}", frame::base(&shared), mode.name())).into_response())
 }

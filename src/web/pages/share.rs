@@ -72,7 +72,8 @@ pub(super) async fn file(
     request: Request,
 ) -> Result<Response, Refusal> {
     let Some(name) = shared.store.shared(&token).await? else { return Ok(nothing(&shared)) };
-    let picture = path.strip_prefix("preview/").is_some_and(|rest| !rest.contains('/') && !rest.starts_with('.'));
+    let picture =
+        path.strip_prefix("preview/").is_some_and(|rest| !rest.contains('/') && !rest.starts_with('.'));
     if !FILES.contains(&path.as_str()) && !picture {
         return Ok(StatusCode::NOT_FOUND.into_response());
     }

@@ -107,33 +107,46 @@ pub(in super::super) async fn receive(
     loop {
         let field = within(multipart.next_field()).await?;
         let Some(field) = field else { break };
-        let Some(name) = field.file_name().map(str::to_string).filter(|name| !name.is_empty()) else { continue };
+        let Some(name) = field.file_name().map(str::to_string).filter(|name| !name.is_empty()) else {
+            continue;
+        };
         let Some(path) = path_of(&name) else {
             passed_over.push(name);
             drain(field).await?;
             continue;
         };
         if taken >= MOST_FILES {
-            return Err(refused(StatusCode::PAYLOAD_TOO_LARGE, format!("an upload holds {MOST_FILES} files at most")));
+            return Err(refused(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                format!("an upload holds {MOST_FILES} files at most"),
+            ));
         }
         write(&shared, field, &partial.folder.join(path), &mut written).await?;
         taken += 1;
     }
     if taken == 0 {
-        let what = passed_over.first().map_or("nothing was sent".to_string(), |name| format!("{name} is no LAS or LAZ file"));
+        let what = passed_over
+            .first()
+            .map_or("nothing was sent".to_string(), |name| format!("{name} is no LAS or LAZ file"));
         let text = format!("{what}; PDAL or CloudCompare turns other formats into LAZ");
         return Err(refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, text));
     }
     let (disk, inbox) = (shared.disk.clone(), config.inbox());
-    let put = tokio::task::spawn_blocking(move || put(&disk, &partial.folder, &inbox).map(|names| (names, partial)));
+    let put = tokio::task::spawn_blocking(move || {
+        put(&disk, &partial.folder, &inbox).map(|names| (names, partial))
+    });
     let (names, _) = put
         .await
         .map_err(|error| refused(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()))?
         .map_err(|error| failed(&error))?;
     tracing::info!(files = taken, bytes = written, names = names.join(", "), "uploaded");
-    let wants_json = headers.get(header::ACCEPT).is_some_and(|value| value.as_bytes().starts_with(b"application/json"));
+    let wants_json =
+        headers.get(header::ACCEPT).is_some_and(|value| value.as_bytes().starts_with(b"application/json"));
     if wants_json {
-        return Ok(Json(json!({ "names": names, "files": taken, "bytes": written, "passed_over": passed_over.len() })).into_response());
+        return Ok(Json(
+            json!({ "names": names, "files": taken, "bytes": written, "passed_over": passed_over.len() }),
+        )
+        .into_response());
     }
     let to = format!("{}/?said=uploaded&n={}", frame::base(&shared), names.len());
     Ok(Redirect::to(&to).into_response())
@@ -144,7 +157,8 @@ fn check_room(shared: &Shared, written: u64, more: u64) -> Result<(), Refusal> {
     let config = &shared.config;
     if written.max(more) > config.upload_limit {
         let limit = words::bytes(config.upload_limit);
-        let text = format!("an upload holds {limit} at most here (`upload_limit`); copy it into a watched folder");
+        let text =
+            format!("an upload holds {limit} at most here (`upload_limit`); copy it into a watched folder");
         return Err(refused(StatusCode::PAYLOAD_TOO_LARGE, text));
     }
     let free = shared.disk.free_space(&config.inbox()).map_err(|error| failed(&error))?;
@@ -260,7 +274,12 @@ mod tests {
     fn a_folder_that_is_there_gets_the_new_files() {
         let folder = tempfile::tempdir().expect("a folder");
         let (from, inbox) = (folder.path().join("from"), folder.path().join("inbox"));
-        for (path, text) in [("from/t/a.las", "new"), ("from/t/s/b.las", "b"), ("inbox/t/a.las", "old"), ("inbox/t/c.las", "c")] {
+        for (path, text) in [
+            ("from/t/a.las", "new"),
+            ("from/t/s/b.las", "b"),
+            ("inbox/t/a.las", "old"),
+            ("inbox/t/c.las", "c"),
+        ] {
             let path = folder.path().join(path);
             std::fs::create_dir_all(path.parent().expect("one")).expect("made");
             std::fs::write(path, text).expect("written");

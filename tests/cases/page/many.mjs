@@ -14,17 +14,21 @@ for (const javaScriptEnabled of [true, false]) {
   check((await total()).includes('50 of 5\u202f000 jobs'), await total());
   await page.getByRole('searchbox').fill('tile_4321');
   await page.getByRole('button', { name: 'Show' }).click();
+  await page.waitForURL(/q=tile_4321/);
   check((await page.locator('#jobs tbody tr').count()) === 1, 'one job of this name');
   check((await page.locator('#jobs tbody').textContent()).includes('Tile_4321'), 'the one');
   await page.goto(`${address}/?state=done&sort=points`);
   const names = async () => page.locator('#jobs td.name a').allTextContents();
   const first = await names();
   await page.getByRole('link', { name: 'Next' }).click();
+  await page.waitForURL(/at=after/);
   const second = await names();
   check(second.length === 50 && !second.some(name => first.includes(name)), 'the next page');
   await page.getByRole('link', { name: 'Before' }).click();
+  await page.waitForURL(/at=before/);
   check((await names()).join() === first.join(), 'and back');
   await page.getByRole('link', { name: 'Points' }).click();
+  await page.waitForURL(/up=1/);
   check((await page.locator('th[aria-sort=ascending]').count()) === 1, 'the other way round');
 
   // Chosen ones.
@@ -39,6 +43,7 @@ for (const javaScriptEnabled of [true, false]) {
   await boxes.nth(0).check();
   await boxes.nth(1).check();
   await page.locator('#bulk').getByRole('button', { name: 'Dismiss' }).click();
+  await page.waitForURL(/said=dismiss/);
   check(await page.getByText('2 jobs dismissed.').isVisible(), 'it says what was done');
   check(page.url().includes('state=failed'), 'and stays where it was');
   check(await page.getByRole('link', { name: /^dismissed/ }).count() === 1, 'they can be found again');
@@ -48,14 +53,17 @@ for (const javaScriptEnabled of [true, false]) {
 const page = await (await context()).newPage();
 await page.goto(`${address}/`);
 await page.getByRole('link', { name: /^failed/ }).click();
+await page.waitForURL(/state=failed/);
 await page.locator('summary', { hasText: 'Retry all failed' }).click();
 await page.getByRole('button', { name: 'Yes, try all of them again' }).click();
+await page.waitForURL(/said=retry/);
 check(await page.getByText(/jobs will be tried again/).isVisible(), 'all of them');
 
 // Draining and pausing.
 await page.getByRole('button', { name: 'Drain' }).click();
 await until('the word on it', () => page.getByText('Draining:').isVisible());
-await page.getByRole('button', { name: 'Resume' }).click();
+await page.locator('#banners').getByRole('button', { name: 'Resume' }).click();
+await page.waitForURL(/said=mode-run/);
 check(await page.getByText('Draining:').count() === 0, 'it goes on');
 
 // One that is not there is a page too.

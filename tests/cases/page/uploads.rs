@@ -63,7 +63,8 @@ fn uploads_become_what_convert_makes() {
     let (a, b, c) = (las(20_000, 1), las(9_000, 2), las(8_000, 3));
     let (status, text) = send(&daemon, &[("größe 1.las", &a)]);
     assert_eq!(status, 200, "{text}");
-    let (status, text) = send(&daemon, &[("tiles/b.las", &b), ("tiles/deep/c.las", &c), ("tiles/read me.txt", b"no")]);
+    let (status, text) =
+        send(&daemon, &[("tiles/b.las", &b), ("tiles/deep/c.las", &c), ("tiles/read me.txt", b"no")]);
     assert!(status == 200 && text.contains("\"passed_over\":1"), "{text}");
     daemon.wait("größe 1", "done");
     daemon.wait("tiles", "done");

@@ -124,8 +124,10 @@ function sync(old, fresh) {
     old.nodeValue = fresh.nodeValue;
     return;
   }
-  const same = old.tagName !== 'IMG' || (old.dataset.turning === fresh.dataset.turning && old.dataset.still === fresh.dataset.still);
-  const kept = same ? KEPT[old.tagName] ?? [] : [];
+  // A picture that turns shows another file than the page says.
+  const moved = old.tagName !== 'IMG' || ((old.dataset.resting || old.dataset.moving)
+    && old.dataset.turning === fresh.dataset.turning && old.dataset.still === fresh.dataset.still);
+  const kept = moved ? KEPT[old.tagName] ?? [] : [];
   const mine = name => kept.includes(name) || ['data-resting', 'data-moving', 'data-label'].includes(name);
   for (const { name } of [...old.attributes]) {
     if (!fresh.hasAttribute(name) && !mine(name)) old.removeAttribute(name);
