@@ -58,7 +58,7 @@ impl Store {
     /// that were begun.
     pub async fn verification_due(&self) -> Result<Option<(Job, u32)>> {
         let found = sqlx::query(
-            "SELECT job.*, verification.attempts AS tries FROM verification JOIN job ON job.id = verification.job \
+            "SELECT job.*, verification.attempts AS tries FROM verification CROSS JOIN job ON job.id = verification.job \
              WHERE verification.state = 'queued' AND job.state = 'done' ORDER BY verification.asked_at LIMIT 1",
         )
         .fetch_optional(&self.readers)

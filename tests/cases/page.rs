@@ -4,6 +4,7 @@
 //! do; what runs is the machine's Chromium. Left out where Chromium or npm is
 //! missing, unless LODESTONE_REQUIRE_CHROMIUM is 1.
 
+mod links;
 mod rows;
 mod uploads;
 

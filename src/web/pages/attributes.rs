@@ -154,7 +154,7 @@ pub(super) fn files(on_disk: &OnDisk, folder: &str) -> Markup {
                         tr {
                             td { a href=(url) { (name) } }
                             td.num { (words::bytes(*bytes)) }
-                            td { button.copy.quiet type="button" hidden data-copy=(url) data-copy-url=(url) aria-label={ "Copy the link to " (name) } { "Copy link" } }
+                            td { button.copy.quiet type="button" hidden data-copy=(url) data-copy-url=(url) aria-label={ "Copy link to " (name) } { "Copy link" } }
                         }
                     }
                 }

@@ -7,19 +7,22 @@ use std::fmt::Write;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::body::Body;
-use axum::extract::State as Extract;
+use axum::extract::{Extension, State as Extract};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use tokio::io::AsyncWriteExt;
+use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
-use tokio::sync::{OwnedSemaphorePermit, broadcast};
 use tokio_util::io::ReaderStream;
 
 use super::super::Shared;
+use super::super::api::Refusal;
+use super::super::server::Peer;
+use super::super::streams::Place;
 use super::parts;
 
 const BEAT: Duration = Duration::from_millis(500);
@@ -59,11 +62,15 @@ impl Live {
     }
 }
 
-pub(in super::super) async fn stream(Extract(shared): Extract<Shared>) -> Response {
-    let Ok(place) = shared.streams.clone().try_acquire_owned() else {
+pub(in super::super) async fn stream(
+    Extract(shared): Extract<Shared>,
+    peer: Option<Extension<Peer>>,
+) -> Response {
+    let peer = peer.map(|Extension(Peer(address))| address);
+    let Some(place) = shared.streams.open(peer, Instant::now()) else {
         let retry = [(header::RETRY_AFTER, "30")];
-        let text = "all places for open pages are taken; this one asks now and then instead\n";
-        return (StatusCode::SERVICE_UNAVAILABLE, retry, text).into_response();
+        let text = "all places for open pages are taken; this one asks now and then instead";
+        return (retry, Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
     };
     let news = shared.live.subscribe(&shared);
     let (writer, reader) = tokio::io::duplex(BUFFER);
@@ -82,7 +89,7 @@ async fn feed(
     shared: Shared,
     mut news: broadcast::Receiver<Arc<str>>,
     mut to: tokio::io::DuplexStream,
-    _place: OwnedSemaphorePermit,
+    place: Place,
 ) {
     let mut text: Arc<str> = "retry: 2000\n\n".into();
     loop {
@@ -92,6 +99,8 @@ async fn feed(
         }
         text = tokio::select! {
             () = shared.stop.cancelled() => return,
+            // Its page comes back by itself, if it is still open.
+            () = place.must_go() => return,
             told = news.recv() => match told {
                 Ok(text) => text,
                 Err(RecvError::Lagged(_)) => event("changed", &json!({ "jobs": null, "ended": [] })).into(),

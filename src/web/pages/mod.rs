@@ -27,7 +27,7 @@ use axum::extract::DefaultBodyLimit;
 use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 
-use super::Shared;
+use super::{Shared, octrees};
 
 pub use live::Live;
 pub use overview::Figures;
@@ -54,7 +54,7 @@ pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
 pub(super) fn open_router() -> Router<Shared> {
     Router::new()
         .route("/share/{token}", get(share::page))
-        .route("/share/{token}/octree/{*path}", get(share::file))
+        .route("/share/{token}/octree/{*path}", get(share::file).layer(octrees::cors()))
         .route("/page/{stamp}/{name}", get(assets::serve))
         .route("/favicon.ico", get(assets::icon))
 }

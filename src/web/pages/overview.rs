@@ -140,7 +140,7 @@ pub(super) async fn strip(shared: &Shared, totals: &Totals) -> Result<Markup, Re
                 div.chart {
                     dt { "jobs an hour" }
                     dd {
-                        (words::grouped(done.max(0) as u64)) span.dim { " today" }
+                        (words::grouped(done.max(0) as u64)) span.dim { " in 24 h" }
                         (charts::bars(&by_hour, "Jobs that were done in each of the last 24 hours"))
                     }
                 }

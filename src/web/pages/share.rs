@@ -1,15 +1,14 @@
 //! `/share/…`: one octree for whoever has the link, without the token, read-only.
 //! The link is signed and can be taken back; it opens nothing else.
 
-use axum::extract::{Path, Request, State as Extract};
-use axum::http::{HeaderValue, StatusCode, Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::extract::{Path, State as Extract};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::response::Response;
 use maud::{Markup, html};
-use tower_http::services::ServeDir;
 
 use super::super::Shared;
 use super::super::api::{self, Refusal};
-use super::super::octrees;
+use super::super::{files, octrees};
 use super::{frame, parts, words};
 use crate::clock::Millis;
 use crate::job::{Job, State};
@@ -69,33 +68,17 @@ pub(super) async fn page(
 pub(super) async fn file(
     Extract(shared): Extract<Shared>,
     Path((token, path)): Path<(String, String)>,
-    request: Request,
+    asked: HeaderMap,
 ) -> Result<Response, Refusal> {
     let Some(name) = shared.store.shared(&token).await? else { return Ok(nothing(&shared)) };
     let picture =
         path.strip_prefix("preview/").is_some_and(|rest| !rest.contains('/') && !rest.starts_with('.'));
     if !FILES.contains(&path.as_str()) && !picture {
-        return Ok(StatusCode::NOT_FOUND.into_response());
+        return Ok(files::missing());
     }
-    let (mut parts, body) = request.into_parts();
-    let escaped: Vec<String> = path.split('/').map(super::list::encoded).collect();
-    let Ok(uri) = Uri::try_from(format!("/{}", escaped.join("/"))) else {
-        return Ok(StatusCode::NOT_FOUND.into_response());
-    };
-    parts.uri = uri;
-    let served = ServeDir::new(shared.config.octrees().join(&name))
-        .append_index_html_on_directories(false)
-        .try_call(Request::from_parts(parts, body))
-        .await;
-    let mut answer = match served {
-        Ok(answer) => answer.into_response(),
-        Err(error) => return Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, error.to_string())),
-    };
-    let headers = answer.headers_mut();
-    headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, HeaderValue::from_static("*"));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    Ok(answer)
+    let place = shared.config.octrees().join(&name);
+    let Some(file) = files::below(&place, &path) else { return Ok(files::missing()) };
+    Ok(files::answer(&file, &asked, HeaderValue::from_static("private, no-cache")).await)
 }
 
 /// On the job's page: the links that there are, and a new one.

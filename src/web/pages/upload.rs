@@ -215,6 +215,10 @@ async fn write(shared: &Shared, mut field: Field<'_>, path: &Path, written: &mut
         *written += chunk.len() as u64;
         if *written - looked_at >= LOOK || *written > shared.config.upload_limit {
             looked_at = *written;
+            // On its way to the disk as it comes: else all of a large file is waited for
+            // at its end, in silence.
+            file.flush().await.map_err(trouble)?;
+            file.get_ref().sync_data().await.map_err(trouble)?;
             check_room(shared, *written, 0)?;
         }
     }
