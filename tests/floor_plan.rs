@@ -55,6 +55,7 @@ const OWNED: &[(&str, &[&str])] = &[
     ("axum", &["src/web/", "src/daemon/"]),
     ("hyper", &["src/web/"]),
     ("hyper_util", &["src/web/"]),
+    ("maud", &["src/web/pages/"]),
     ("notify", &["src/watch/"]),
     ("prometheus", &["src/metrics", "src/daemon/"]),
     ("indicatif", &["src/cli/"]),

@@ -311,6 +311,9 @@ fn what_systems_left_goes_and_what_is_somebodys_own_keeps_it() {
         fs::write(place.plan.source.join(name), text).expect("written");
         fs::write(place.plan.source.join(".DS_Store"), "x").expect("written");
         assert_eq!(place.put_away(), Ok(PutAway::Removed));
-        assert!(place.plan.source.join(name).exists() && place.plan.source.join(".DS_Store").exists(), "{name}");
+        assert!(
+            place.plan.source.join(name).exists() && place.plan.source.join(".DS_Store").exists(),
+            "{name}"
+        );
     }
 }
