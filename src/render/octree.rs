@@ -5,6 +5,7 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
+use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,7 +22,7 @@ use crate::format::potree::{
 const MOST_NODES: usize = 1 << 20;
 /// Bytes of a node's points, unpacked; a node of millions of points is of no use to a
 /// viewer.
-const MOST_UNPACKED: u64 = 128 << 20;
+const MOST_UNPACKED: u64 = 64 << 20;
 
 /// An octree that is open for reading.
 pub struct Octree {
@@ -32,6 +33,8 @@ pub struct Octree {
     hierarchy_bytes: u64,
     points: File,
     points_bytes: u64,
+    /// Parts of octree.bin that were never written.
+    holes: Vec<Range<u64>>,
     nodes: HashMap<NodeName, Node>,
     proxies: HashMap<NodeName, Proxy>,
     /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
@@ -55,6 +58,7 @@ impl Octree {
             schema,
             hierarchy,
             hierarchy_bytes,
+            holes: files::holes(&points, points_bytes),
             points,
             points_bytes,
             nodes: HashMap::new(),
@@ -108,6 +112,7 @@ impl Octree {
         if !is_believable(&self.schema, self.metadata.encoding, node.points, node.size)
             || unpacked > MOST_UNPACKED
             || end.is_none_or(|end| end > self.points_bytes)
+            || self.holes.iter().any(|hole| hole.start < node.offset.saturating_add(size) && node.offset < hole.end)
         {
             let (name, points, size, bytes) = (node.name, node.points, node.size, self.points_bytes);
             let what = format!(
