@@ -14,6 +14,7 @@ use paths::named;
 /// do not meet.
 const MEET: &[(&str, &str)] = &[
     ("lod", "cloud"),
+    ("log", "clock"),
     ("store", "config"),
     ("watch", "config"),
     ("watch", "store"),
