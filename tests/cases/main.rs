@@ -15,6 +15,7 @@ mod formats;
 mod inputs;
 mod messages;
 mod page;
+mod pictures;
 mod served;
 mod sources;
 
