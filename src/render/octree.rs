@@ -133,7 +133,10 @@ impl Octree {
         if !is_believable(&self.schema, self.metadata.encoding, node.points, node.size)
             || unpacked > MOST_UNPACKED
             || end.is_none_or(|end| end > self.points_bytes)
-            || self.holes.iter().any(|hole| hole.start < node.offset.saturating_add(size) && node.offset < hole.end)
+            || self
+                .holes
+                .iter()
+                .any(|hole| hole.start < node.offset.saturating_add(size) && node.offset < hole.end)
         {
             let (name, points, size, bytes) = (node.name, node.points, node.size, self.points_bytes);
             let what = format!(

@@ -235,9 +235,10 @@ impl Store {
 
 /// How many pictures were being drawn when the daemon died.
 pub(super) async fn interrupted(tx: &mut Transaction<'static, Sqlite>) -> Result<usize> {
-    let row = sqlx::query("SELECT count(*) AS interrupted FROM preview WHERE drawing = 1 AND state = 'queued'")
-        .fetch_one(&mut **tx)
-        .await?;
+    let row =
+        sqlx::query("SELECT count(*) AS interrupted FROM preview WHERE drawing = 1 AND state = 'queued'")
+            .fetch_one(&mut **tx)
+            .await?;
     Ok(row.try_get::<i64, _>("interrupted")? as usize)
 }
 

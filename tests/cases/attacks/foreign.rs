@@ -79,7 +79,15 @@ impl Bomb {
             vec!["info"],
             vec!["verify", "--threads", "2", "--memory-limit", &limit],
             vec![
-                "preview", "--threads", "2", "--frames", "0", "--size", "64x64", "-o", pictures.to_str().unwrap(),
+                "preview",
+                "--threads",
+                "2",
+                "--frames",
+                "0",
+                "--size",
+                "64x64",
+                "-o",
+                pictures.to_str().unwrap(),
             ],
         ];
         lines.iter().map(|line| held(name, line, &octree)).collect()
