@@ -30,6 +30,7 @@ pub mod lod;
 // The ground: what touches the machine, so that tests can make it fail.
 pub mod clock;
 pub mod disk;
+pub mod log;
 pub mod memory;
 pub mod metrics;
 

@@ -113,8 +113,8 @@ fn pictures_appear_beside_the_octree_and_are_served() {
 
     let page = daemon.get("/").1;
     let icon = url(&job, "icon.png");
-    assert!(page.contains(&format!("<img src='{icon}' data-turning='")), "{page}");
-    assert!(page.contains("alt='Picture of größe 1'"), "{page}");
+    assert!(page.contains(&format!("<img src=\"{icon}\" data-turning=\"")), "{page}");
+    assert!(page.contains("alt=\"Picture of größe 1\""), "{page}");
     daemon.wait_metrics(&[
         "lodestone_previews_total{outcome=\"done\"} 1",
         "lodestone_preview_seconds_count 1",

@@ -14,6 +14,7 @@ use paths::named;
 /// do not meet.
 const MEET: &[(&str, &str)] = &[
     ("lod", "cloud"),
+    ("log", "clock"),
     ("store", "config"),
     ("watch", "config"),
     ("watch", "store"),
@@ -55,6 +56,7 @@ const OWNED: &[(&str, &[&str])] = &[
     ("axum", &["src/web/", "src/daemon/"]),
     ("hyper", &["src/web/"]),
     ("hyper_util", &["src/web/"]),
+    ("maud", &["src/web/pages/"]),
     ("notify", &["src/watch/"]),
     ("prometheus", &["src/metrics", "src/daemon/"]),
     ("indicatif", &["src/cli/"]),

@@ -21,7 +21,10 @@ pub(super) fn start(log: Option<&str>, format: Option<LogFormat>) {
         LogFormat::Plain => layer.with_ansi(false).with_target(false).boxed(),
         LogFormat::Auto => layer.with_ansi(std::io::stderr().is_terminal()).with_target(false).boxed(),
     };
-    tracing_subscriber::registry().with(layer.with_filter(filter)).init();
+    // What is kept with jobs does not hang on what is written now.
+    let of_jobs = Targets::new().with_target("lodestone", LevelFilter::DEBUG);
+    let jobs = crate::log::JobLines.with_filter(of_jobs);
+    tracing_subscriber::registry().with(layer.with_filter(filter)).with(jobs).init();
 }
 
 /// A level, or parts of the program with theirs. A word alone that is no level would

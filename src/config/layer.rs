@@ -149,6 +149,12 @@ pub struct Layer {
     pub log: Option<String>,
     #[arg(skip)]
     pub log_format: Option<LogFormat>,
+    /// Take files that are dropped on the page, into the inbox [default: true].
+    #[arg(long, env = "LODESTONE_UPLOAD", num_args = 0..=1, default_missing_value = "true")]
+    pub upload: Option<bool>,
+    /// The largest upload [default: 256G].
+    #[arg(long, env = "LODESTONE_UPLOAD_LIMIT", value_name = "SIZE")]
+    pub upload_limit: Option<Size>,
 }
 
 impl Layer {
@@ -231,6 +237,8 @@ impl Layer {
             preview_color: self.preview_color.or(other.preview_color),
             log: self.log.or(other.log),
             log_format: self.log_format.or(other.log_format),
+            upload: self.upload.or(other.upload),
+            upload_limit: self.upload_limit.or(other.upload_limit),
         }
     }
 }

@@ -89,6 +89,10 @@ pub struct Config {
     /// What is logged, as a filter.
     pub log: String,
     pub log_format: LogFormat,
+    /// Whether files may be handed in by the page.
+    pub upload: bool,
+    /// Bytes of one upload.
+    pub upload_limit: u64,
 }
 
 impl Config {
@@ -195,6 +199,8 @@ impl Config {
             preview_color: layer.preview_color.unwrap_or_default(),
             log: layer.log.unwrap_or_else(|| logging::DEFAULT_FILTER.to_string()),
             log_format: layer.log_format.unwrap_or_default(),
+            upload: layer.upload.unwrap_or(true),
+            upload_limit: layer.upload_limit.unwrap_or(Size(256 << 30)).0,
         })
     }
 
@@ -243,6 +249,8 @@ impl Config {
             preview_color: Some(self.preview_color),
             log: Some(self.log.clone()),
             log_format: Some(self.log_format),
+            upload: Some(self.upload),
+            upload_limit: Some(Size(self.upload_limit)),
         }
     }
 }
@@ -337,7 +345,8 @@ mod tests {
         let config =
             Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']\n\
                  on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0\n\
-                 lod_color = 'average'\npreview = false\npreview_frames = 72\npreview_color = 'height'"))
+                 lod_color = 'average'\npreview = false\npreview_frames = 72\npreview_color = 'height'\n\
+                 upload = false\nupload_limit = '3G'"))
                 .expect("a configuration");
         assert_eq!((config.stall, config.keep), (Some(30_000), None));
         let text = toml::to_string(&config.to_layer()).expect("TOML");

@@ -19,6 +19,8 @@ pub(super) fn open(mut config: Config, disk: &Disk) -> Result<Config, DaemonErro
         disk.create_dir_all(&folder)?;
     }
     disk.create_dir_all(&config.octrees().join(".staged"))?;
+    // Of a daemon that died over them; whoever sent them knows.
+    disk.remove_dir_all(&crate::web::uploads(&config.inbox()))?;
     for folder in &mut config.watch {
         // One that is not there now may be a mount that comes later.
         *folder = match folder.canonicalize() {

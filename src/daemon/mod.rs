@@ -4,6 +4,7 @@
 
 mod house;
 pub mod init;
+mod keeping;
 pub mod signals;
 mod watching;
 mod working;
@@ -89,6 +90,7 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
 
     let answering = tracker.spawn(answer(listener, shared.clone(), stop.clone()));
     tracker.spawn(watching::run(shared.clone(), stop.clone()));
+    tracker.spawn(keeping::run(store.clone(), stop.clone()));
     tell_where(&config, address);
     tell_systemd(&[NotifyState::Ready]);
     working::run(&mut engine, &shared, &stop).await;
@@ -100,6 +102,7 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
     if tokio::time::timeout(Duration::from_secs(3), tracker.wait()).await.is_err() {
         answering.abort();
     }
+    keeping::keep(&store).await;
     store.close().await;
     tracing::info!("stopped");
     Ok(())
@@ -117,6 +120,9 @@ fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
         bell: tools.bell.clone(),
         stop: stop.clone(),
         streams: web::Streams::default(),
+        live: web::Live::default(),
+        uploads: web::upload_places(),
+        figures: web::Figures::default(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What follows from a job's end, beside the engine's wheel and never in its way:
-//! its sources are put away, its hook is told, pictures are made of its octree, and
+//! its sources are put away, its hook is told, pictures are made of its octree, it is verified where that was
+//! ordered, and
 //! long after its record goes. The debts stand in the queue ([`crate::store`]);
 //! what is only known here may be forgotten by a crash.
 
@@ -12,10 +13,11 @@ use super::Tools;
 use super::hook::{self, Ended};
 use super::preview::Previews;
 use super::sources::{self, Left, Plan, PutAway};
+use super::verification::Verifications;
 use crate::clock::Millis;
 use crate::job::{JobId, State};
 use crate::stage::context::Cancel;
-use crate::store::{Result, Telling};
+use crate::store::{Mode, Result, Telling};
 
 /// Hooks that run at the same time.
 const HOOKS: usize = 4;
@@ -43,17 +45,20 @@ pub(super) struct Aftermath {
     purging: Option<JoinHandle<()>>,
     purged_at: Millis,
     previews: Previews,
+    verifications: Verifications,
 }
 
 impl Aftermath {
     /// Takes note of what has ended and starts what is owed.
-    pub async fn turn(&mut self, tools: &Tools, stopping: bool) -> Result<()> {
+    pub async fn turn(&mut self, tools: &Tools, stopping: bool, mode: Mode) -> Result<()> {
         let now = tools.clock.now();
         self.carried(tools, now).await?;
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
-        self.previews.turn(tools, stopping).await?;
+        let resting = stopping || mode == Mode::Pause;
+        self.previews.turn(tools, resting).await?;
+        self.verifications.turn(tools, resting).await?;
         if stopping {
             return Ok(());
         }
@@ -207,7 +212,7 @@ impl Aftermath {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, true).await {
+            if let Err(error) = self.turn(tools, true, Mode::Run).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {
@@ -216,6 +221,9 @@ impl Aftermath {
             let _ = tokio::time::timeout(Duration::from_millis(50), tools.bell.notified()).await;
         }
         if let Err(error) = self.previews.abandon(tools).await {
+            tracing::error!(%error, "while stopping; its attempt counts");
+        }
+        if let Err(error) = self.verifications.abandon(tools).await {
             tracing::error!(%error, "while stopping; its attempt counts");
         }
         self.hooks.shutdown().await;

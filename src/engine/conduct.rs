@@ -120,14 +120,16 @@ pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductE
         .thread_name(|i| format!("convert-{i}"))
         .build()
         .map_err(|e| StageError::Inconsistent(format!("no threads could be started: {e}")))?;
-    let mut outcome = pool.install(|| run_once(request, context));
+    // What is logged on the pool's threads is about the same job as on this one.
+    let span = tracing::Span::current();
+    let mut outcome = pool.install(|| span.in_scope(|| run_once(request, context)));
     if let Err(Ended { error, resumed: true }) = &outcome
         && matches!(error, StageError::Inconsistent(_) | StageError::InputChanged(_))
     {
         // What an earlier run left was not what its receipts said, though it
         // looked so. Its remains are gone now; this time from the beginning.
         tracing::warn!(%error, "could not go on from an earlier run; beginning anew");
-        outcome = pool.install(|| run_once(request, context));
+        outcome = pool.install(|| span.in_scope(|| run_once(request, context)));
     }
     Ok(outcome.map_err(|ended| ended.error)?)
 }

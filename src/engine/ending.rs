@@ -75,7 +75,7 @@ impl Engine {
         let error = ending.error.as_deref().unwrap_or("");
         match event {
             Event::Succeed => published(running, finished),
-            Event::Park => tracing::info!(job, name, "parked; it goes on at the next start"),
+            Event::Park => tracing::info!(job, name, "parked; it goes on from there later"),
             Event::Postpone => tracing::warn!(job, name, error, "did not succeed, is tried again"),
             Event::Fail | Event::Quarantine => tracing::error!(job, name, error, "{}", event.name()),
             _ => tracing::info!(job, name, "{}", event.name()),

@@ -12,12 +12,14 @@ mod ending;
 mod hook;
 pub mod intake;
 pub mod janitor;
+mod orders;
 mod preflight;
 mod preview;
 mod publish;
 pub mod report;
 mod sources;
 mod stall;
+mod verification;
 mod worker;
 
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -36,7 +38,7 @@ use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::Options;
 use crate::stage::scratch::units_done;
 use crate::store::board::Board;
-use crate::store::{Ending, Recovered, Result, Store};
+use crate::store::{Ending, Mode, Recovered, Result, Store};
 use aftermath::Aftermath;
 use converter::{Converter, Work};
 use ending::wish_end;
@@ -72,6 +74,7 @@ pub struct Tools {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stop {
     Wish(Wish),
+    /// It is to go on later: the daemon stops, or everything is paused.
     Shutdown,
     /// It stood still.
     Stalled,
@@ -168,7 +171,7 @@ impl Engine {
     /// One turn of the wheel.
     ///
     /// 1. Record the runs that ended: stage, publish, finish.
-    /// 2. Pass on what operators wish of running jobs.
+    /// 2. Pass on what operators wish of running jobs, or of all.
     /// 3. Look at the progress of running jobs; note it as a heartbeat. Stop what
     ///    stands still, and give up what does not stop.
     /// 4. Start what fits into the free lanes; say of the rest why it waits.
@@ -179,10 +182,15 @@ impl Engine {
     pub async fn tick(&mut self) -> Result<Outcome> {
         let ended = self.record_ended().await?;
         self.pass_on_wishes().await?;
+        let mode = self.tools.store.mode().await?;
+        if mode == Mode::Pause {
+            self.return_to_queue();
+        }
         self.look_at_progress().await?;
         self.give_up_the_dead().await?;
-        let (started, held) = if self.stopping { (0, 0) } else { self.start_ready().await? };
-        self.aftermath.turn(&self.tools, self.stopping).await?;
+        let starts = mode == Mode::Run && !self.stopping;
+        let (started, held) = if starts { self.start_ready().await? } else { (0, 0) };
+        self.aftermath.turn(&self.tools, self.stopping, mode).await?;
         let now = self.tools.clock.now();
         let due = self.tools.store.next_start(now).await?;
         Ok(Outcome { ended, started, held, running: self.running.len(), due })
@@ -213,21 +221,6 @@ impl Engine {
             self.sweep().await?;
         }
         Ok(ended)
-    }
-
-    /// Step 2.
-    async fn pass_on_wishes(&mut self) -> Result<()> {
-        for (job, wish) in self.tools.store.wishes().await? {
-            if let Some(running) = self.running.get_mut(&job)
-                && matches!(running.stop, None | Some(Stop::Stalled))
-            {
-                tracing::info!(job, wish = wish.name(), "asked of a running job");
-                running.stop = Some(Stop::Wish(wish));
-                running.pulse.stop();
-                running.cancel.cancel();
-            }
-        }
-        Ok(())
     }
 
     /// Step 3.

@@ -30,6 +30,8 @@ pub(super) fn start(
     let run = move || {
         // Unwind safety: what the conversion shared is its progress and its
         // cancel flag, plain atomics that no panic leaves half-written.
+        // What is logged meanwhile is about this job.
+        let _span = tracing::info_span!("run", job).entered();
         let result = catch_unwind(AssertUnwindSafe(|| converter.convert(&work, &context)))
             .unwrap_or_else(|panic| Err(panicked(&*panic)));
         // The engine may be gone in a shutdown; then nobody wants the result.

@@ -11,13 +11,18 @@
 
 pub mod board;
 mod intake;
+mod listing;
+mod log;
 mod owed;
 mod previews;
 mod purge;
 mod queue;
 mod recovery;
 mod row;
+mod share;
 mod sharing;
+mod steering;
+mod verification;
 mod views;
 
 use std::io::ErrorKind;
@@ -35,10 +40,14 @@ use sqlx::{Connection, SqlSafeStr, Sqlite, Transaction};
 use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
+pub use listing::{Listing, Page, Place, Reason, Shown, Sort};
 pub use owed::Telling;
 pub use previews::{Drawn, Due, Preview, Settled};
 pub use queue::Ending;
 pub use recovery::Recovered;
+pub use share::Share;
+pub use steering::Mode;
+pub use verification::{Verification, Verified};
 pub use views::{Attempt, Counts, History};
 
 #[derive(Debug, thiserror::Error)]
@@ -108,6 +117,8 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (3, "units", include_str!("../../migrations/0003_units.sql")),
     (4, "preview", include_str!("../../migrations/0004_preview.sql")),
     (5, "sources", include_str!("../../migrations/0005_sources.sql")),
+    (6, "page", include_str!("../../migrations/0006_page.sql")),
+    (7, "verify_share", include_str!("../../migrations/0007_verify_share.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must

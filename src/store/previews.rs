@@ -82,7 +82,7 @@ impl Store {
     /// than `longest_wait` was told so by a clock that has been set back since.
     pub async fn preview_due(&self, now: i64, longest_wait: i64) -> Result<Option<Due>> {
         let row = sqlx::query(
-            "SELECT preview.job, job.name, preview.attempts FROM preview JOIN job ON job.id = preview.job \
+            "SELECT preview.job, job.name, preview.attempts FROM preview CROSS JOIN job ON job.id = preview.job \
              WHERE preview.state = 'queued' AND (preview.not_before <= ? OR preview.not_before > ?) \
              AND job.state = 'done' AND job.superseded_by IS NULL \
              ORDER BY preview.attempts, preview.job DESC LIMIT 1",
@@ -217,7 +217,7 @@ impl Store {
     /// How many octrees wait for their pictures.
     pub async fn previews_waiting(&self) -> Result<i64> {
         let row = sqlx::query(
-            "SELECT count(*) AS waiting FROM preview JOIN job ON job.id = preview.job \
+            "SELECT count(*) AS waiting FROM preview CROSS JOIN job ON job.id = preview.job \
              WHERE preview.state = 'queued' AND job.state = 'done' AND job.superseded_by IS NULL",
         )
         .fetch_one(&self.readers)

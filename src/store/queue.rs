@@ -187,64 +187,9 @@ impl Store {
     /// fulfils; any other changes state at once.
     pub async fn order(&self, job: JobId, event: Event, now: i64) -> Result<State> {
         let mut tx = self.begin().await?;
-        let before = find(&mut tx, job).await?.ok_or(StoreError::NoSuchJob(job))?;
-        let state = step(job, before.state, event)?;
-        if before.state == State::Running {
-            let wish = if event == Event::Pause { Wish::Pause } else { Wish::Cancel };
-            sqlx::query("UPDATE job SET wish = ?, updated_at = ? WHERE id = ?")
-                .bind(wish.name())
-                .bind(now)
-                .bind(job)
-                .execute(&mut *tx)
-                .await?;
-            note(&mut tx, job, now, "asked", Some(wish.name())).await?;
-            tx.commit().await?;
-            return Ok(State::Running);
-        }
-        if state == State::Queued {
-            self.refuse_twin(&mut tx, &before, event).await?;
-        }
-        let tally = tally_of(&before);
-        let tally = match event {
-            Event::Retry => forgive(event, before.state == State::Quarantined, tally),
-            _ => tally,
-        };
-        sqlx::query(
-            "UPDATE job SET state = ?1, strikes = ?2, postponements = ?3, not_before = 0, hold = NULL, \
-             updated_at = ?4, finished_at = CASE WHEN ?1 = 'cancelled' THEN ?4 END, \
-             error = CASE WHEN ?1 <> 'queued' THEN error END, \
-             superseded_by = CASE WHEN ?1 <> 'queued' THEN superseded_by END WHERE id = ?5",
-        )
-        .bind(state.name())
-        .bind(tally.strikes)
-        .bind(tally.postponements)
-        .bind(now)
-        .bind(job)
-        .execute(&mut *tx)
-        .await?;
-        note(&mut tx, job, now, event.name(), Some("by order")).await?;
+        let state = order_within(&mut tx, job, event, now).await?;
         tx.commit().await?;
         Ok(state)
-    }
-
-    /// Two jobs of one content must not be open side by side.
-    async fn refuse_twin(&self, tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
-        let twin = sqlx::query(
-            "SELECT id FROM job WHERE content_key = ? AND id <> ? AND (state IN ('queued', 'running', 'paused') \
-             OR (state = 'done' AND superseded_by IS NULL))",
-        )
-        .bind(&job.content_key)
-        .bind(job.id)
-        .fetch_optional(&mut **tx)
-        .await?;
-        match twin {
-            Some(_) => Err(StoreError::Illegal {
-                job: job.id,
-                state: "the twin of a job that has the same content",
-                asked: event.name(),
-            }),
-            None => Ok(()),
-        }
     }
 
     pub async fn set_priority(&self, job: JobId, priority: i64, now: i64) -> Result<()> {
@@ -260,6 +205,66 @@ impl Store {
         }
         note(&mut tx, job, now, "priority", Some(&priority.to_string())).await?;
         Ok(tx.commit().await?)
+    }
+}
+
+/// An order within a transaction; one that is refused has written nothing into it.
+pub(super) async fn order_within(tx: &mut Tx, job: JobId, event: Event, now: i64) -> Result<State> {
+    let before = find(tx, job).await?.ok_or(StoreError::NoSuchJob(job))?;
+    let state = step(job, before.state, event)?;
+    if before.state == State::Running {
+        let wish = if event == Event::Pause { Wish::Pause } else { Wish::Cancel };
+        sqlx::query("UPDATE job SET wish = ?, updated_at = ? WHERE id = ?")
+            .bind(wish.name())
+            .bind(now)
+            .bind(job)
+            .execute(&mut **tx)
+            .await?;
+        note(tx, job, now, "asked", Some(wish.name())).await?;
+        return Ok(State::Running);
+    }
+    if state == State::Queued {
+        refuse_twin(tx, &before, event).await?;
+    }
+    let tally = tally_of(&before);
+    let tally = match event {
+        Event::Retry => forgive(event, before.state == State::Quarantined, tally),
+        _ => tally,
+    };
+    sqlx::query(
+        "UPDATE job SET state = ?1, strikes = ?2, postponements = ?3, not_before = 0, hold = NULL, \
+         updated_at = ?4, finished_at = CASE WHEN ?1 = 'cancelled' THEN ?4 END, \
+         error = CASE WHEN ?1 <> 'queued' THEN error END, \
+         superseded_by = CASE WHEN ?1 <> 'queued' THEN superseded_by END WHERE id = ?5",
+    )
+    .bind(state.name())
+    .bind(tally.strikes)
+    .bind(tally.postponements)
+    .bind(now)
+    .bind(job)
+    .execute(&mut **tx)
+    .await?;
+    note(tx, job, now, event.name(), Some("by order")).await?;
+    Ok(state)
+}
+
+/// Two jobs of one content must not be open side by side.
+async fn refuse_twin(tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
+    let twin = sqlx::query(
+        "SELECT id FROM job WHERE content_key = ? AND id <> ? AND (state IN ('queued', 'running', 'paused') \
+         OR (state = 'done' AND superseded_by IS NULL))",
+    )
+    .bind(&job.content_key)
+    .bind(job.id)
+    .fetch_optional(&mut **tx)
+    .await?;
+    match twin {
+        Some(_) => Err(StoreError::Illegal {
+            job: job.id,
+            state: "the twin of a job that has the same content",
+            asked: event.name(),
+        }),
+        None => Ok(()),
     }
 }
 

@@ -104,6 +104,20 @@ impl Store {
         rows.iter().rev().map(row::listed).collect()
     }
 
+    /// What happened after that line of history, the oldest first: which job it
+    /// happened to, its name, and what.
+    pub async fn happened_since(&self, event: i64, limit: i64) -> Result<Vec<(JobId, String, String)>> {
+        let rows = sqlx::query(
+            "SELECT event.job, job.name, event.kind FROM event JOIN job ON job.id = event.job \
+             WHERE event.id > ? ORDER BY event.id LIMIT ?",
+        )
+        .bind(event)
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(|row| Ok((row.try_get("job")?, row.try_get("name")?, row.try_get("kind")?))).collect()
+    }
+
     pub async fn attempts(&self, job: JobId) -> Result<Vec<Attempt>> {
         let rows = sqlx::query("SELECT * FROM attempt WHERE job = ? ORDER BY ord DESC LIMIT 100")
             .bind(job)

@@ -155,7 +155,8 @@ pub(super) async fn show(
     Ok(Json(details).into_response())
 }
 
-async fn one(shared: &Shared, id: JobId) -> store::Result<JobView> {
+/// One job as the API tells it.
+pub(super) async fn one(shared: &Shared, id: JobId) -> store::Result<JobView> {
     let job = shared.store.job(id).await?;
     let preview = shared.store.previews(&[id]).await?.remove(&id);
     Ok(view(shared, job, preview))

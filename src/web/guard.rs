@@ -12,7 +12,7 @@ use axum::response::{IntoResponse, Redirect, Response};
 
 use super::api::Refusal;
 use super::session::{Identity, Role};
-use super::{Shared, login, octrees};
+use super::{Shared, octrees, pages};
 use crate::config::Config;
 use crate::config::access::{host_of, is_loopback};
 
@@ -82,7 +82,7 @@ fn unknown(shared: &Shared, request: &Request) -> Response {
     if request.headers().get("sec-fetch-site").is_some_and(|site| site == "cross-site") {
         // A link on another page: the browser keeps its strict cookie back. Followed
         // from a page of ours, it sends it.
-        return login::once_more(&here);
+        return pages::login::once_more(&here);
     }
     let here = octrees::encoded(&here);
     Redirect::to(&format!("{base}/login?next={here}")).into_response()

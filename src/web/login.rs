@@ -5,13 +5,12 @@ use std::time::Duration;
 
 use axum::Form;
 use axum::extract::{Extension, Query, State as Extract};
-use axum::http::{StatusCode, header};
-use axum::response::{Html, IntoResponse, Redirect, Response};
+use axum::http::header;
+use axum::response::{IntoResponse, Redirect, Response};
 use serde::Deserialize;
 
-use super::Shared;
-use super::page::escape;
 use super::session::{self, Identity};
+use super::{Shared, pages};
 
 /// Before a wrong token is answered, so that guessing is slow.
 const PAUSE: Duration = Duration::from_millis(300);
@@ -37,7 +36,7 @@ pub(super) async fn form(
     if identity.role().is_some() {
         return Redirect::to(&next).into_response();
     }
-    page(&shared, &next, StatusCode::OK, "")
+    pages::login::form(shared.config.access.base(), &next, false)
 }
 
 /// Takes the token and sets the cookie.
@@ -50,7 +49,7 @@ pub(super) async fn log_in(Extract(shared): Extract<Shared>, Form(brought): Form
     }
     if session::role_of_token(token.as_bytes(), access).is_none() {
         tokio::time::sleep(PAUSE).await;
-        return page(&shared, &next, StatusCode::UNAUTHORIZED, "That is not the token.");
+        return pages::login::form(access.base(), &next, true);
     }
     let cookie = session::log_in(token, access, shared.clock.now());
     ([(header::SET_COOKIE, cookie)], Redirect::to(&next)).into_response()
@@ -61,29 +60,6 @@ pub(super) async fn log_out(Extract(shared): Extract<Shared>) -> Response {
     let access = &shared.config.access;
     let form = format!("{}/login", access.base());
     ([(header::SET_COOKIE, session::log_out(access))], Redirect::to(&form)).into_response()
-}
-
-fn page(shared: &Shared, next: &str, status: StatusCode, error: &str) -> Response {
-    let (base, next) = (shared.config.access.base(), escape(next));
-    let html = format!(
-        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>\
-         <title>Lodestone: log in</title><link rel=stylesheet href='{base}/page.css'><main><h1>Lodestone</h1>\
-         <form method=post action='{base}/login'><input type=hidden name=next value='{next}'>\
-         <p><label>Token <input type=password name=token autocomplete=current-password required autofocus></label> \
-         <button>Log in</button><p class=failed role=alert>{error}</form></main>"
-    );
-    (status, [(header::CACHE_CONTROL, "no-store")], Html(html)).into_response()
-}
-
-/// A page that leads to `path` at once: what is asked for from a page of ours comes
-/// with the cookie.
-pub(super) fn once_more(path: &str) -> Response {
-    let path = escape(path);
-    let html = format!(
-        "<!doctype html><html lang=en><meta charset=utf-8><meta http-equiv=refresh content='0;url={path}'>\
-         <title>Lodestone</title><main><p><a href='{path}'>Lodestone</a></main>"
-    );
-    (StatusCode::UNAUTHORIZED, [(header::CACHE_CONTROL, "no-store")], Html(html)).into_response()
 }
 
 /// A path of this site, or our first page: nobody is led elsewhere by a link to

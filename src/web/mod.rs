@@ -12,12 +12,13 @@ mod guard;
 mod headers;
 mod login;
 mod octrees;
-mod page;
+mod pages;
 mod previews;
 mod probes;
 mod seats;
 mod server;
 mod session;
+mod steering;
 mod stream;
 mod streams;
 mod watched;
@@ -32,7 +33,7 @@ use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 use serde::Serialize;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
@@ -46,10 +47,12 @@ use crate::store::board::Board;
 use crate::watch::events::Mode;
 use crate::watch::waiting::Waiting;
 
+pub use pages::upload::{folder as uploads, places as upload_places};
+pub use pages::{Figures, Live};
 pub use server::serve;
 pub use streams::Streams;
 
-/// No request here needs a body of more than a few words.
+/// No request but an upload needs a body of more than a few words.
 const LONGEST_BODY: usize = 64 * 1024;
 const LONGEST_REQUEST: Duration = Duration::from_secs(30);
 
@@ -89,6 +92,12 @@ pub struct Shared {
     pub stop: CancellationToken,
     /// Places for event streams.
     pub streams: Streams,
+    /// Tells open pages what is new.
+    pub live: Live,
+    /// Places for uploads.
+    pub uploads: Arc<Semaphore>,
+    /// Of all jobs, for pages.
+    pub figures: Figures,
 }
 
 impl Shared {
@@ -130,14 +139,15 @@ fn without_base(mut request: Request, base: &str) -> Request {
 fn routes(shared: Shared) -> Router {
     let guard = from_fn_with_state(shared.clone(), guard::guard);
     let site = from_fn_with_state(shared.clone(), guard::site);
+    let body = RequestBodyLimitLayer::new(LONGEST_BODY);
     let limit = TimeoutLayer::with_status_code(StatusCode::REQUEST_TIMEOUT, LONGEST_REQUEST);
     // Streams last as long as they are listened to.
     let streams = Router::new()
         .route("/api/events", get(stream::all))
         .route("/api/jobs/{id}/events", get(stream::one))
+        .route("/live", get(pages::live::stream))
         .layer(from_fn_with_state(shared.clone(), guard::own_pages));
     let jobs = Router::new()
-        .route("/", get(page::page))
         .route("/metrics", get(probes::metrics))
         .route("/api/jobs", get(api::list))
         .route("/api/jobs/purge", post(api::purge))
@@ -148,17 +158,23 @@ fn routes(shared: Shared) -> Router {
         .route("/api/jobs/{id}/resume", post(api::resume))
         .route("/api/jobs/{id}/priority", post(api::priority))
         .route("/api/jobs/{id}/preview", post(api::preview))
+        .route("/api/jobs/{id}/verify", get(steering::verified).post(steering::verify))
+        .route("/api/jobs/{id}/log", get(steering::log))
+        .route("/api/queue", get(steering::queue).post(steering::set_queue))
         .route("/api/watch", get(api::watch))
+        .route("/api/openapi.json", get(steering::openapi))
+        .merge(pages::router(&shared))
         .layer(limit)
+        .layer(body)
         .merge(streams)
+        .merge(pages::upload_router(&shared))
         .layer(guard.clone());
-    // What the form needs before anybody is known.
-    let open = Router::new()
+    // What anybody may have, and what the form needs before anybody is known.
+    let open = pages::open_router()
         .route("/login", get(login::form).post(login::log_in))
         .route("/logout", post(login::log_out))
-        .route("/page.js", get(page::script))
-        .route("/page.css", get(page::style))
-        .layer(limit);
+        .layer(limit)
+        .layer(body);
     let octrees = octrees::router().layer(limit).layer(guard).layer(site.clone()).layer(octrees::cors());
     // Whoever asks whether the daemon lives need not know a secret.
     Router::new()
@@ -166,7 +182,6 @@ fn routes(shared: Shared) -> Router {
         .route("/readyz", get(probes::readyz))
         .merge(jobs.merge(open).layer(site))
         .merge(octrees)
-        .layer(RequestBodyLimitLayer::new(LONGEST_BODY))
         .layer(axum::middleware::from_fn(errors::as_json))
         .layer(axum::middleware::from_fn(headers::add))
         .with_state(shared)

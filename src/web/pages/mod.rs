@@ -1,0 +1,60 @@
+//! The pages: what a person sees of Lodestone, and steers it by.
+//!
+//! Plain HTML that works without scripts: lists are links, orders are forms that
+//! answer with the page they came from. A little script ([`assets`]) keeps a page
+//! as the daemon has it, by fetching it again when [`live`] says that something
+//! changed. All is made by `maud`, which escapes whatever is put into a page.
+
+mod assets;
+mod attributes;
+mod charts;
+mod frame;
+mod job;
+mod list;
+pub(super) mod live;
+pub(super) mod login;
+mod orders;
+mod overview;
+mod parts;
+mod result;
+mod share;
+pub(super) mod upload;
+mod verified;
+mod words;
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::middleware::from_fn_with_state;
+use axum::routing::{get, post};
+
+use super::{Shared, octrees};
+
+pub use live::Live;
+pub use overview::Figures;
+
+/// Pages and forms that answer at once.
+pub(super) fn router(shared: &Shared) -> Router<Shared> {
+    Router::new()
+        .route("/", get(list::page))
+        .route("/jobs/{id}", get(job::page))
+        .route("/jobs/{id}/order", post(orders::one))
+        .route("/jobs/order", post(orders::many))
+        .route("/queue/order", post(orders::all))
+        .layer(from_fn_with_state(shared.clone(), frame::explain))
+}
+
+/// Uploads: as long and as large as the configuration allows.
+pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
+    Router::new()
+        .route("/upload", post(upload::receive).layer(DefaultBodyLimit::disable()))
+        .layer(from_fn_with_state(shared.clone(), frame::explain))
+}
+
+/// What anybody may have: it tells nothing.
+pub(super) fn open_router() -> Router<Shared> {
+    Router::new()
+        .route("/share/{token}", get(share::page))
+        .route("/share/{token}/octree/{*path}", get(share::file).layer(octrees::cors()))
+        .route("/page/{stamp}/{name}", get(assets::serve))
+        .route("/favicon.ico", get(assets::icon))
+}

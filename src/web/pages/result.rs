@@ -1,0 +1,186 @@
+//! What a conversion reported, in sentences, tables and a chart.
+
+use maud::{Markup, html};
+use serde_json::Value;
+
+use super::{charts, parts, words};
+
+fn number(value: &Value, key: &str) -> u64 {
+    value[key].as_u64().unwrap_or_default()
+}
+
+fn texts<'a>(value: &'a Value, key: &str) -> Vec<&'a str> {
+    value[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+}
+
+fn axes(value: &Value) -> Option<[f64; 3]> {
+    let values = value.as_array()?;
+    Some([values.first()?.as_f64()?, values.get(1)?.as_f64()?, values.get(2)?.as_f64()?])
+}
+
+fn triple(values: [f64; 3]) -> String {
+    values.map(words::figure).join(" · ")
+}
+
+pub(super) fn all(report: &Value) -> Markup {
+    html! {
+        (account(report))
+        (place(report))
+        (time(report))
+        (oddities(report))
+    }
+}
+
+/// Where every point went.
+fn account(report: &Value) -> Markup {
+    let [read, written, aside, dropped, missing] =
+        ["points_in", "points_out", "points_set_aside", "points_dropped", "points_missing"]
+            .map(|key| number(report, key));
+    let kept_aside = aside.saturating_sub(dropped);
+    html! {
+        section.card #account aria-labelledby="account-title" {
+            h2 #account-title { "What came out" }
+            p {
+                strong { (words::grouped(written)) } " of " strong { (words::grouped(read)) } " points are in the octree, in "
+                (words::counted(number(report, "nodes"), "node", "nodes")) " on "
+                (words::counted(number(report, "depth") + 1, "level", "levels")) ", "
+                (words::bytes(number(report, "output_bytes"))) "."
+                @if written == read && missing == 0 { " None is lost." }
+            }
+            @if kept_aside > 0 {
+                p {
+                    (words::counted(kept_aside, "point lies", "points lie")) " beside it, in "
+                    (texts(report, "files_aside").join(", ")) "."
+                }
+            }
+            @if dropped > 0 { p { (words::counted(dropped, "point was", "points were")) " dropped, as was asked." } }
+            @if missing > 0 {
+                p.banner.bad {
+                    (words::counted(missing, "point that the files promise", "points that the files promise"))
+                    " could not be read: a file is cut or damaged."
+                }
+            }
+            @let error = report["max_error"].as_array().map(|_| axes(&report["max_error"])).unwrap_or_default();
+            @if report["exact"].as_bool() == Some(true) {
+                p { "Every position is exact, to the last bit of its file." }
+            } @else if let Some(error) = error {
+                p {
+                    "Positions moved by at most " (triple(error)) " (x · y · z), because the files' lattices do not fit one \
+                    another."
+                }
+            }
+        }
+    }
+}
+
+/// Where it lies in the world.
+fn place(report: &Value) -> Markup {
+    let lattice = &report["lattice"];
+    let (scale, offset) = (axes(&lattice["scale"]), axes(&lattice["offset"]));
+    let corner = |key: &str| {
+        let (raw, scale, offset) = (axes(&lattice[key])?, scale?, offset?);
+        Some([0, 1, 2].map(|axis| raw[axis] * scale[axis] + offset[axis]))
+    };
+    let wkt = report["projection"].as_str().unwrap_or("");
+    html! {
+        section.card #place aria-labelledby="place-title" {
+            h2 #place-title { "Where it lies" }
+            dl.facts {
+                dt { "Coordinate system" }
+                dd {
+                    @match words::crs(wkt) {
+                        Some(name) => { (name)
+                            @if wkt.len() > 60 { details { summary { "as WKT" } (parts::copyable(wkt, None)) } }
+                        },
+                        None => "none is given in the files",
+                    }
+                }
+                @if let (Some(low), Some(high)) = (corner("min"), corner("max")) {
+                    dt { "From" } dd { (triple(low)) }
+                    dt { "To" } dd { (triple(high)) }
+                    dt { "Extent" } dd { (triple([0, 1, 2].map(|axis| high[axis] - low[axis]))) }
+                }
+                @if let Some(scale) = scale { dt { "Scale" } dd { (triple(scale)) } }
+                @if let Some(offset) = offset { dt { "Offset" } dd { (triple(offset)) } }
+                @if let Some(spacing) = report["spacing"].as_f64() {
+                    dt { "Spacing of the root" } dd { (words::figure(spacing)) }
+                }
+                @let options = &report["options"];
+                dt { "Sampling" } dd { (options["sampling"].as_str().unwrap_or("—")) }
+                dt { "Encoding" } dd { (options["encoding"].as_str().unwrap_or("—")) }
+            }
+        }
+    }
+}
+
+const STAGES: [&str; 5] = ["survey", "distribute", "index", "merge", "publish"];
+
+/// Where the time went.
+fn time(report: &Value) -> Markup {
+    let seconds = STAGES.map(|stage| (stage, report["seconds_by_stage"][stage].as_f64().unwrap_or_default()));
+    let sum: f64 = seconds.iter().map(|(_, seconds)| seconds).sum();
+    if sum <= 0.0 {
+        return html! {};
+    }
+    let shares: Vec<(String, f64, String)> = seconds
+        .iter()
+        .map(|(stage, seconds)| {
+            let says = format!("{:.2} s, {:.0} %", seconds, 100.0 * seconds / sum);
+            (parts::stage(stage).to_string(), *seconds, says)
+        })
+        .collect();
+    let peak = STAGES.iter().filter_map(|stage| report["peak_bytes_by_stage"][stage].as_u64()).max();
+    let resumed = number(report, "units_resumed");
+    html! {
+        section.card #time aria-labelledby="time-title" {
+            h2 #time-title { "Where the time went" }
+            (charts::parts(&shares, "Seconds by stage"))
+            p.dim {
+                (words::points((number(report, "points_in") as f64 / sum) as u64)) " points a second"
+                @if let Some(peak) = peak { ", at most " (words::bytes(peak)) " of memory" }
+                @if resumed > 0 { ", " (words::counted(resumed, "unit", "units")) " of work taken over from an earlier attempt" }
+                "."
+            }
+        }
+    }
+}
+
+/// What was odd about the inputs, what was looked for, and what was done.
+fn oddities(report: &Value) -> Markup {
+    let (repairs, notes) = (texts(report, "repairs"), texts(report, "notes"));
+    let (left_out, unused) = (texts(report, "left_out"), texts(report, "unused_attributes"));
+    let guards = report["guards"].as_array().map(Vec::as_slice).unwrap_or_default();
+    html! {
+        section.card #oddities aria-labelledby="oddities-title" {
+            h2 #oddities-title { "What was looked for, and found" }
+            ul {
+                @for guard in guards { li { (guarded(guard)) } }
+                @for repair in repairs { li { "Mended: " (repair) } }
+                @for note in notes { li { (note) } }
+                @if !left_out.is_empty() { li { "Left out, as was asked: " (left_out.join(", ")) "." } }
+                @if !unused.is_empty() { li { "Zero in every point, and so not kept: " (unused.join(", ")) "." } }
+            }
+        }
+    }
+}
+
+fn guarded(guard: &Value) -> Markup {
+    let (name, found) = (guard["name"].as_str().unwrap_or("guard"), number(guard, "points"));
+    let mode = guard["mode"].as_str().unwrap_or("");
+    let what = match name {
+        "outlier" => "Outliers",
+        "duplicate" => "Crowds at one position",
+        "twin" => "Equal records",
+        other => other,
+    };
+    html! {
+        (what) ": "
+        @match (mode, found) {
+            ("keep", _) => "all kept, as is set.",
+            (_, 0) => "none.",
+            ("drop", _) => { (words::counted(found, "point", "points")) " dropped, as was asked." },
+            _ => { (words::counted(found, "point", "points")) " set aside." },
+        }
+        @if let Some(threshold) = guard["threshold"].as_str() { " " span.dim { "(" (threshold) ")" } }
+    }
+}
