@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo bench --bench convert -- [--points 5M,20M,…] [--scenes terrain,object,…] [--rounds 3]
-//!     [--threads N] [--brotli] [--memory-limit 512M] [--folder DIR]
+//!     [--threads N] [--brotli] [--memory-limit 512M] [--folder DIR] [--codec]
 //! ```
 //!
 //! Synthetic scenes of so many points (26-byte records) as LAS and as LAZ, and,
@@ -19,10 +19,14 @@
 //! second table has the seconds of each stage, and how busy the threads were.
 //! Where there are several clouds, a last one has what a point costs in each.
 //!
+//! Before all that, a table of what decoding and encoding LAZ chunks costs by point
+//! format, by the `laz` crate and by our own codec; `--codec` is that alone.
+//!
 //! `--folder` is where clouds and octrees lie, by default the system's folder of
 //! temporary files: 320 million points take 8 GB as LAS, 3 as LAZ and 9 as octree,
 //! and as much as the LAS again where the memory limit is below it.
 
+mod codec;
 mod floors;
 mod tables;
 
@@ -45,6 +49,7 @@ struct Wishes {
     rounds: usize,
     threads: usize,
     brotli: bool,
+    codec_only: bool,
     memory_limit: Option<String>,
     folder: PathBuf,
 }
@@ -84,6 +89,7 @@ fn wishes(arguments: &[String]) -> Outcome<Wishes> {
         rounds: 3,
         threads: cores,
         brotli: false,
+        codec_only: false,
         memory_limit: None,
         folder: std::env::temp_dir(),
     };
@@ -96,6 +102,7 @@ fn wishes(arguments: &[String]) -> Outcome<Wishes> {
             "--rounds" => wishes.rounds = value()?.parse::<usize>()?.max(1),
             "--threads" => wishes.threads = value()?.parse::<usize>()?.max(1),
             "--brotli" => wishes.brotli = true,
+            "--codec" => wishes.codec_only = true,
             "--memory-limit" => wishes.memory_limit = Some(value()?),
             "--folder" => wishes.folder = PathBuf::from(value()?),
             "--bench" => {} // cargo's own
@@ -107,6 +114,10 @@ fn wishes(arguments: &[String]) -> Outcome<Wishes> {
 
 fn bench(wishes: &Wishes) -> Outcome<()> {
     let folder = tempfile::Builder::new().prefix("lodestone-bench-").tempdir_in(&wishes.folder)?;
+    codec::bench(wishes.rounds.max(5), folder.path())?;
+    if wishes.codec_only {
+        return Ok(());
+    }
     let mut costs: Vec<Cost> = Vec::new();
     for points in &wishes.points {
         for scene in &wishes.scenes {

@@ -2,4 +2,5 @@
 
 pub mod inputs;
 pub mod las;
+pub mod laz;
 pub mod potree;

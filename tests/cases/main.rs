@@ -13,6 +13,7 @@ mod daemon_support;
 mod attacks;
 mod formats;
 mod inputs;
+mod laz;
 mod messages;
 mod page;
 mod served;

@@ -1,5 +1,7 @@
-//! One LAZ chunk to raw records and back, and what must hold before the `laz`
-//! crate is given anything: it trusts sizes, and panics where they lie.
+//! One LAZ chunk to raw records and back: by [`crate::format::laz`], and what is rare
+//! by the `laz` crate (items of version 1, wave packets, encoding of the formats 0 to 5).
+//! What must hold before that is given anything is checked here: it trusts sizes, and
+//! panics where they lie.
 //!
 //! Chunks of the point formats 0 to 5 are one arithmetic-coded stream; those of
 //! 6 to 10 are layers, one stream a field, whose sizes stand at the chunk's
@@ -14,6 +16,7 @@ use laz::record::{
 use laz::{LazItem, LazItemType};
 
 use super::fields;
+use crate::format::laz::{Decoder, Encoder, Shape};
 
 /// How one file's records are compressed.
 #[derive(Debug, Clone)]
@@ -22,6 +25,8 @@ pub struct Coding {
     pub layered: bool,
     /// Bytes of a decoded record.
     pub record_length: usize,
+    /// Where these items are coded without the `laz` crate.
+    own: Option<Shape>,
 }
 
 /// Extra bytes that a LAZ record may have. Every one of them costs `laz` a
@@ -77,7 +82,17 @@ impl Coding {
             ));
         }
         let record_length = items.iter().map(|item| usize::from(item.size())).sum();
-        Ok(Coding { items: items.to_vec(), layered, record_length })
+        let extra = extra.iter().map(|item| usize::from(item.size())).sum();
+        let version = items.first().map_or(0, LazItem::version);
+        let own = Shape::new(point_format, extra, version)
+            .filter(|_| items.iter().all(|item| item.version() == version));
+        Ok(Coding { items: items.to_vec(), layered, record_length, own })
+    }
+
+    /// The same records by the `laz` crate, to hold our own codec against.
+    #[cfg(test)]
+    pub fn without_own(&self) -> Coding {
+        Coding { own: None, ..self.clone() }
     }
 
     /// Layers of a layered chunk: nine of the point itself, one of each further
@@ -111,10 +126,12 @@ impl Coding {
         (points, self.layered_front() as u64 + words.sum::<u64>())
     }
 
-    /// Decodes a whole chunk into `records`, whose length says how many points
-    /// it has. The bytes must be used up exactly: LAZ has no checksum, and this
-    /// is what gives a damaged stream away.
-    pub fn decode(&self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
+    /// Decodes chunks, one after the other.
+    pub fn decoder(&self) -> ChunkDecoder<'_> {
+        ChunkDecoder { coding: self, own: self.own.map(Decoder::new) }
+    }
+
+    fn decode_by_laz(&self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
         let points = (records.len() / self.record_length) as u64;
         if self.layered {
             self.check_layers(chunk, points)?;
@@ -127,7 +144,7 @@ impl Coding {
         })?;
         match left {
             0 => Ok(()),
-            _ => Err(format!("{left} of its {} bytes are left over", chunk.len())),
+            _ => Err(format!("{left} of its bytes are left over")),
         }
     }
 
@@ -149,6 +166,11 @@ impl Coding {
     /// Compresses whole records into one chunk.
     pub fn encode(&self, records: &[u8]) -> Result<Vec<u8>, String> {
         guard(|| {
+            if let Some(mut encoder) = self.own.and_then(Encoder::new) {
+                let mut chunk = Vec::new();
+                encoder.encode(records, &mut chunk);
+                return Ok(chunk);
+            }
             if self.layered {
                 let mut encoder = LayeredPointRecordCompressor::new(Vec::new());
                 encode_with(&mut encoder, &self.items, records)?;
@@ -159,6 +181,25 @@ impl Coding {
                 Ok(encoder.into_inner())
             }
         })
+    }
+}
+
+/// Decodes chunks of one file.
+#[derive(Debug)]
+pub struct ChunkDecoder<'a> {
+    coding: &'a Coding,
+    own: Option<Decoder>,
+}
+
+impl ChunkDecoder<'_> {
+    /// Decodes a whole chunk into `records`, whose length says how many points
+    /// it has. The bytes must be used up exactly: LAZ has no checksum, and this
+    /// is what gives a damaged stream away.
+    pub fn decode(&mut self, chunk: &[u8], records: &mut [u8]) -> Result<(), String> {
+        match &mut self.own {
+            Some(decoder) => guard(|| decoder.decode(chunk, records).map_err(io::Error::other)),
+            None => self.coding.decode_by_laz(chunk, records),
+        }
     }
 }
 

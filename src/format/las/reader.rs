@@ -228,10 +228,11 @@ impl LasFile {
         let mut bytes = vec![0; (last.at + last.bytes - first.at) as usize];
         self.source.read_exact_at(&mut bytes, first.at)?;
         let mut records = records;
+        let mut decoder = coding.decoder();
         for chunk in chunks {
             let (now, later) = records.split_at_mut(chunk.points as usize * coding.record_length);
             let start = (chunk.at - first.at) as usize;
-            let decoded = coding.decode(&bytes[start..start + chunk.bytes as usize], now);
+            let decoded = decoder.decode(&bytes[start..start + chunk.bytes as usize], now);
             if let Err(reason) = decoded
                 && !self.decode_mended(coding, chunk, now)?
             {
@@ -258,7 +259,7 @@ impl LasFile {
         };
         let mut bytes = vec![0; other.bytes as usize];
         self.source.read_exact_at(&mut bytes, other.at)?;
-        Ok(coding.decode(&bytes, records).is_ok())
+        Ok(coding.decoder().decode(&bytes, records).is_ok())
     }
 
     fn broken(&self, slice: Slice, broken: Broken) -> LasError {

@@ -89,7 +89,7 @@ fn times_that_switch_without_end_are_an_error() {
             let from = if coding.layered { front + (good.len() - front) * 4 / 5 } else { front + 50 };
             bad[from..].fill(fill);
             let mut out = vec![0; records.len()];
-            errors += usize::from(coding.decode(&bad, &mut out).is_err());
+            errors += usize::from(coding.decoder().decode(&bad, &mut out).is_err());
         }
         assert!(errors > 0, "format {format}: none of the damage was seen");
     }

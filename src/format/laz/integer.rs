@@ -1,0 +1,148 @@
+//! Integers: how far one is from its prediction. First comes the number of bits that
+//! the difference takes, in a context; then its upper bits by a model for that number
+//! of bits, and the lower ones raw.
+
+use super::arithmetic::{Decoder, Encoder};
+use super::model::{ByteModel, LengthModel, Slot, slots};
+
+/// Bits of a difference that a model knows.
+const MOST_MODELED: usize = 8;
+
+/// Models of the integers of one field, in so many contexts. `BITS` is 16 or 32; of
+/// those of 16 only the lower half of what comes out counts.
+#[derive(Debug, Clone)]
+pub struct Integer<const CONTEXTS: usize, const BITS: usize> {
+    lengths: [Slot<LengthModel>; CONTEXTS],
+    differences: [Slot<ByteModel>; 32],
+}
+
+impl<const CONTEXTS: usize, const BITS: usize> Default for Integer<CONTEXTS, BITS> {
+    fn default() -> Self {
+        Integer { lengths: slots(), differences: slots() }
+    }
+}
+
+impl<const CONTEXTS: usize, const BITS: usize> Integer<CONTEXTS, BITS> {
+    pub fn clear(&mut self) {
+        self.lengths.iter_mut().for_each(Slot::clear);
+        self.differences.iter_mut().for_each(Slot::clear);
+    }
+
+    /// The integer, and the bits of its difference, which choose contexts of others.
+    #[inline(always)]
+    pub fn decode(&mut self, from: &mut Decoder, context: usize, predicted: i32) -> (i32, usize) {
+        decode(from, self.lengths[context].get(BITS + 1), &mut self.differences, predicted)
+    }
+
+    /// The bits of the difference.
+    #[inline(always)]
+    pub fn encode(&mut self, to: &mut Encoder, context: usize, predicted: i32, integer: i32) -> usize {
+        let difference = integer.wrapping_sub(predicted);
+        // The nearest way around.
+        let difference = if BITS == 16 { i32::from(difference as i16) } else { difference };
+        encode(to, self.lengths[context].get(BITS + 1), &mut self.differences, difference)
+    }
+}
+
+/// Symbols of the model for differences of so many bits: 1 is a bit.
+fn symbols(bits: usize) -> usize {
+    1 << bits.min(MOST_MODELED)
+}
+
+#[inline(never)]
+fn decode(
+    from: &mut Decoder,
+    lengths: &mut LengthModel,
+    differences: &mut [Slot<ByteModel>; 32],
+    predicted: i32,
+) -> (i32, usize) {
+    let mut decoder = *from; // so that it lies in registers
+    let bits = decoder.symbol(lengths);
+    let difference = match differences.get_mut(bits) {
+        Some(slot) => {
+            let mut part = decoder.symbol_or_bit(slot.get(symbols(bits))) as u32;
+            if bits > MOST_MODELED {
+                let raw = (bits - MOST_MODELED) as u32;
+                part = part << raw | decoder.raw(raw);
+            }
+            unfold(part as i32, bits)
+        }
+        None => i32::MIN,
+    };
+    *from = decoder;
+    (predicted.wrapping_add(difference), bits)
+}
+
+/// `bits` bits are the differences from `1 - 2^bits` to `-2^(bits-1)` and from
+/// `2^(bits-1) + 1` to `2^bits`; none are 0 and 1, which the part says.
+#[inline(always)]
+fn unfold(part: i32, bits: usize) -> i32 {
+    let whole = 1u32 << (bits & 31);
+    let upper = part >= (whole >> 1) as i32;
+    // Its sign is a toss of a coin: no branch.
+    let mask = -i32::from(upper);
+    let shift = (mask & i32::from(bits > 0)) | (!mask & 1i32.wrapping_sub(whole as i32));
+    part.wrapping_add(shift)
+}
+
+#[inline(never)]
+fn encode(
+    to: &mut Encoder,
+    lengths: &mut LengthModel,
+    differences: &mut [Slot<ByteModel>; 32],
+    difference: i32,
+) -> usize {
+    let size = if difference > 0 { difference - 1 } else { difference.wrapping_neg() };
+    let bits = 32 - size.leading_zeros() as usize;
+    to.symbol(lengths, bits);
+    let Some(slot) = differences.get_mut(bits) else { return bits };
+    let part = match bits {
+        0 => difference,
+        _ if difference > 0 => difference - 1,
+        _ => difference.wrapping_add((1i32 << bits).wrapping_sub(1)),
+    } as u32;
+    let model = slot.get(symbols(bits));
+    if bits <= MOST_MODELED {
+        to.symbol_or_bit(model, part as usize);
+    } else {
+        let raw = (bits - MOST_MODELED) as u32;
+        to.symbol(model, (part >> raw) as usize);
+        to.raw(raw, part & ((1 << raw) - 1));
+    }
+    bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn any_integer() -> impl Strategy<Value = i32> {
+        prop_oneof![any::<i32>(), -3..4i32, -70_000..70_000i32, Just(i32::MIN), Just(i32::MAX)]
+    }
+
+    proptest! {
+        #[test]
+        fn integers_come_out_as_they_went_in(
+            values in prop::collection::vec((any_integer(), any_integer(), 0usize..3), 1..300)
+        ) {
+            let mut encoder = Encoder::default();
+            let (mut wide, mut narrow) = (Integer::<3, 32>::default(), Integer::<3, 16>::default());
+            let mut bits = Vec::new();
+            for (value, predicted, context) in &values {
+                bits.push(wide.encode(&mut encoder, *context, *predicted, *value));
+                narrow.encode(&mut encoder, *context, i32::from(*predicted as u16), i32::from(*value as u16));
+            }
+            encoder.finish();
+            wide.clear();
+            narrow.clear();
+            let mut decoder = Decoder::new(encoder.bytes()).unwrap();
+            for ((value, predicted, context), bits) in values.iter().zip(bits) {
+                prop_assert_eq!(wide.decode(&mut decoder, *context, *predicted), (*value, bits));
+                let (half, _) = narrow.decode(&mut decoder, *context, i32::from(*predicted as u16));
+                prop_assert_eq!(half as u16, *value as u16);
+            }
+            prop_assert!(decoder.left() == 0 && !decoder.has_ended());
+        }
+    }
+}
