@@ -111,8 +111,12 @@ fn row(pairs: &[(f64, f64)], millions: f64) -> String {
 
 /// Measures every format, and prints the table.
 pub fn bench(rounds: usize, folder: &Path) -> Outcome<()> {
-    println!("\nLAZ chunks of {CHUNK_POINTS} points, terrain, {POINTS} points, one thread; median of {rounds}\n");
-    println!("| CPU-s/M points | laz decodes | we decode | ours / laz | laz encodes | we encode | ours / laz |");
+    println!(
+        "\nLAZ chunks of {CHUNK_POINTS} points, terrain, {POINTS} points, one thread; median of {rounds}\n"
+    );
+    println!(
+        "| CPU-s/M points | laz decodes | we decode | ours / laz | laz encodes | we encode | ours / laz |"
+    );
     println!("|---|---:|---:|---:|---:|---:|---:|");
     for (point_format, version) in FORMATS {
         let made = Chunks::make(point_format, version, folder)?;

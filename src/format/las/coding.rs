@@ -246,3 +246,61 @@ pub fn guard<T>(work: impl FnOnce() -> io::Result<T>) -> Result<T, String> {
         Err(_) => Err("its bytes make no sense".to_string()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::records;
+    use super::*;
+
+    fn coding(point_format: u8, extra: u16) -> Coding {
+        let vlr = laz::LazVlrBuilder::default().with_point_format(point_format, extra).unwrap().build();
+        Coding::new(vlr.items(), point_format).unwrap()
+    }
+
+    #[test]
+    fn both_codecs_do_the_same_through_the_seam() {
+        for point_format in 0..=10 {
+            for extra in [0, 3] {
+                let coding = coding(point_format, extra);
+                let is_own = !matches!(point_format, 4 | 5 | 9 | 10);
+                assert_eq!(coding.own.is_some(), is_own, "format {point_format}");
+                let by_laz = coding.without_own();
+                let records = records(point_format, usize::from(extra), 700, 3);
+                let chunk = coding.encode(&records).unwrap();
+                assert_eq!(chunk, by_laz.encode(&records).unwrap(), "format {point_format}");
+                for coding in [&coding, &by_laz] {
+                    let mut decoder = coding.decoder();
+                    for _ in 0..2 {
+                        let mut decoded = vec![0; records.len()];
+                        decoder.decode(&chunk, &mut decoded).unwrap();
+                        assert!(decoded == records, "format {point_format}");
+                        // Damage is an error, and none for what is decoded next.
+                        let cut = &chunk[..chunk.len() - 9];
+                        assert!(decoder.decode(cut, &mut decoded).is_err(), "format {point_format}");
+                        let one = &mut decoded[..coding.record_length];
+                        assert!(decoder.decode(&chunk, one).is_err(), "format {point_format}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn items_of_other_versions_are_left_to_laz() {
+        for (point_format, versions) in [(3, [2, 1, 2]), (3, [1, 1, 1]), (7, [3, 4, 3])] {
+            let own = coding(point_format, 0);
+            let mut record = vec![0; 34];
+            record[0] = if own.layered { 3 } else { 2 };
+            record[12..16].copy_from_slice(&100u32.to_le_bytes());
+            record[32] = own.items.len() as u8;
+            for (item, version) in own.items.iter().zip(versions) {
+                for number in [u16::from(item.item_type()), item.size(), version] {
+                    record.extend_from_slice(&number.to_le_bytes());
+                }
+            }
+            let vlr = laz::LazVlr::from_buffer(&record).unwrap();
+            let coding = Coding::new(vlr.items(), point_format).unwrap();
+            assert!(own.own.is_some() && coding.own.is_none(), "{versions:?}");
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! The arithmetic coder: a number in an interval that each symbol narrows to its part
 //! (Said 2004). Bytes are taken in, or given out, as the interval gets short.
 
-use super::model::Model;
+use super::model::{Bucket, Model};
 
 /// Raw bits that are coded at once.
 const MOST_RAW: u32 = 19;
@@ -45,6 +45,17 @@ impl<'a> Decoder<'a> {
         Decoder { rest: &[], value: 0, length: u32::MAX, ended: false }
     }
 
+    /// Works with a copy of it, and takes that over. A decoder that is lent to a function
+    /// lies in memory wherever it is used; so its copy does, or it, as the one that is used
+    /// more lies in registers.
+    #[inline(always)]
+    pub fn apart<T>(&mut self, work: impl FnOnce(&mut Decoder<'a>) -> T) -> T {
+        let mut copy = *self;
+        let made = work(&mut copy);
+        *self = copy;
+        made
+    }
+
     /// Whether more bytes were taken than there are.
     pub fn has_ended(&self) -> bool {
         self.ended
@@ -56,33 +67,26 @@ impl<'a> Decoder<'a> {
     }
 
     #[inline(always)]
-    pub fn symbol<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
+    pub fn symbol<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
     ) -> usize {
-        self.decode::<false, S, B, T, W, C>(model)
+        self.decode::<U, false, S, B, T, W>(model)
     }
 
     /// The same of a model that may be one of bits.
     #[inline(always)]
-    pub fn symbol_or_bit<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
+    pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
     ) -> usize {
-        self.decode::<true, S, B, T, W, C>(model)
+        self.decode::<U, true, S, B, T, W>(model)
     }
 
     #[inline(always)]
-    fn decode<
-        const BITS: bool,
-        const S: usize,
-        const B: usize,
-        const T: usize,
-        const W: u32,
-        const C: u32,
-    >(
+    fn decode<U: Bucket, const BITS: bool, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
     ) -> usize {
         let unit = self.length >> model.precision::<BITS>();
         let symbol = model.find(self.value / unit);
@@ -179,35 +183,28 @@ impl Encoder {
     }
 
     #[inline(always)]
-    pub fn symbol<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
+    pub fn symbol<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
         symbol: usize,
     ) {
-        self.encode::<false, S, B, T, W, C>(model, symbol);
+        self.encode::<U, false, S, B, T, W>(model, symbol);
     }
 
     /// The same of a model that may be one of bits.
     #[inline(always)]
-    pub fn symbol_or_bit<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
+    pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
         symbol: usize,
     ) {
-        self.encode::<true, S, B, T, W, C>(model, symbol);
+        self.encode::<U, true, S, B, T, W>(model, symbol);
     }
 
     #[inline(always)]
-    fn encode<
-        const BITS: bool,
-        const S: usize,
-        const B: usize,
-        const T: usize,
-        const W: u32,
-        const C: u32,
-    >(
+    fn encode<U: Bucket, const BITS: bool, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
-        model: &mut Model<S, B, T, W, C>,
+        model: &mut Model<U, S, B, T, W>,
         symbol: usize,
     ) {
         let unit = self.length >> model.precision::<BITS>();

@@ -44,7 +44,11 @@ impl ColorModels {
 
     #[inline(never)]
     pub fn decode(&mut self, from: &mut Decoder, last: Color) -> Color {
-        let mut decoder = *from;
+        from.apart(|from| self.decode_inline(from, last))
+    }
+
+    #[inline(always)]
+    fn decode_inline(&mut self, decoder: &mut Decoder, last: Color) -> Color {
         let which = decoder.symbol(self.which.get(128));
         let last = halves(last);
         let mut color = last;
@@ -65,7 +69,6 @@ impl ColorModels {
                 color[2][half] = byte(4 + half, blue(red, color[1][half], of), of[2]);
             }
         }
-        *from = decoder;
         color.map(|[low, high]| (high << 8 | low) as u16)
     }
 

@@ -14,21 +14,31 @@ const END: u16 = u16::MAX;
 /// Buckets are written so many at once, which is one instruction.
 const STRIDE: usize = 16;
 
+/// What a bucket says a symbol with.
+pub trait Bucket: Copy + Into<usize> {
+    fn of(symbol: usize) -> Self;
+}
+
+impl Bucket for u8 {
+    fn of(symbol: usize) -> u8 {
+        symbol as u8
+    }
+}
+
+impl Bucket for u16 {
+    fn of(symbol: usize) -> u16 {
+        symbol as u16
+    }
+}
+
 /// A model of at most `SYMBOLS` symbols; `BOUNDS` is one more. A decoder finds the
 /// symbol by a table of buckets `1 << WIDTH` wide, which says the symbol that a bucket
-/// begins in, divided by `1 << COARSE` where symbols are more than a byte holds. So
-/// narrow are the buckets that this mostly is the symbol: one comparison that goes one
-/// way, where a bisection is several that go either. `BUCKETS` is two strides more than
-/// cover all probabilities.
+/// begins in. So narrow are the buckets that this mostly is the symbol: one comparison
+/// that goes one way, where a bisection is several that go either. `BUCKETS` is two
+/// strides more than cover all probabilities.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
-pub struct Model<
-    const SYMBOLS: usize,
-    const BOUNDS: usize,
-    const BUCKETS: usize,
-    const WIDTH: u32,
-    const COARSE: u32,
-> {
+pub struct Model<U, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize, const WIDTH: u32> {
     /// Symbols until the probabilities are renewed, and the length of such a cycle.
     left: u32,
     cycle: u32,
@@ -37,24 +47,19 @@ pub struct Model<
     precision: u16,
     /// Where each symbol's probabilities begin; from the number of symbols on, [`END`].
     bounds: [u16; BOUNDS],
-    buckets: [u8; BUCKETS],
+    buckets: [U; BUCKETS],
     counts: [u16; SYMBOLS],
 }
 
 /// For symbols that fit a byte, and for single bits.
-pub type ByteModel = Model<256, 257, 544, 6, 0>;
+pub type ByteModel = Model<u8, 256, 257, 544, 6>;
 /// For the number of bits of an integer.
-pub type LengthModel = Model<64, 65, 160, 8, 0>;
+pub type LengthModel = Model<u8, 64, 65, 160, 8>;
 /// For the multiples of GPS times.
-pub type MultipleModel = Model<516, 517, 544, 6, 2>;
+pub type MultipleModel = Model<u16, 516, 517, 544, 6>;
 
-impl<
-    const SYMBOLS: usize,
-    const BOUNDS: usize,
-    const BUCKETS: usize,
-    const WIDTH: u32,
-    const COARSE: u32,
-> Model<SYMBOLS, BOUNDS, BUCKETS, WIDTH, COARSE>
+impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize, const WIDTH: u32>
+    Model<U, SYMBOLS, BOUNDS, BUCKETS, WIDTH>
 {
     /// A model in which all symbols are alike.
     fn even(symbols: usize) -> Self {
@@ -66,7 +71,7 @@ impl<
             symbols: symbols as u16,
             precision: PRECISION as u16,
             bounds: [END; BOUNDS],
-            buckets: [0; BUCKETS],
+            buckets: [U::of(0); BUCKETS],
             counts: [0; SYMBOLS],
         };
         model.counts[..symbols].fill(1);
@@ -97,7 +102,7 @@ impl<
     /// `at` is below `(1 << 15) + 64`, which every decoder's invariant gives.
     #[inline(always)]
     pub fn find(&self, at: u32) -> usize {
-        let mut symbol = usize::from(self.buckets[(at >> WIDTH) as usize]) << COARSE;
+        let mut symbol: usize = self.buckets[(at >> WIDTH) as usize].into();
         // The last bound is END, so it ends there at the latest.
         while u32::from(self.bounds[Self::within(symbol) + 1]) <= at {
             symbol += 1;
@@ -186,7 +191,7 @@ impl<
     fn fill_buckets(&mut self) {
         let all = (1usize << self.precision) >> WIDTH;
         let mut fill = |from: usize, symbol: usize| {
-            self.buckets[from..from + STRIDE].copy_from_slice(&[(symbol >> COARSE) as u8; STRIDE]);
+            self.buckets[from..from + STRIDE].copy_from_slice(&[U::of(symbol); STRIDE]);
             from + STRIDE
         };
         let mut done = 0;
@@ -303,16 +308,16 @@ mod tests {
     use proptest::prelude::*;
 
     /// The symbol by a search from the front.
-    fn searched<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
-        model: &Model<S, B, T, W, C>,
+    fn searched<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+        model: &Model<U, S, B, T, W>,
         at: u32,
     ) -> usize {
         let bounds = &model.bounds[..usize::from(model.symbols)];
         bounds.iter().rposition(|bound| u32::from(*bound) <= at).unwrap()
     }
 
-    fn check<const S: usize, const B: usize, const T: usize, const W: u32, const C: u32>(
-        model: &mut Model<S, B, T, W, C>,
+    fn check<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+        model: &mut Model<U, S, B, T, W>,
         symbols: &[u16],
     ) {
         for symbol in symbols {

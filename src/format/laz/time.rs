@@ -70,7 +70,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
                 match code + 1 - Self::MORE {
                     0 => return Ok(self.times[last]),
                     1 => {
-                        let (difference, _) = self.numbers.decode(from, 0, 0);
+                        let difference = self.numbers.decode_apart(from, 0, 0);
                         self.differences[last] = difference;
                         self.extremes[last] = 0;
                         return Ok(self.add(difference));
@@ -83,7 +83,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
                     code if code < Self::FAR - Self::MORE => {
                         let (context, factor, extreme) = multiple_of(code as i32);
                         let predicted = self.differences[last].wrapping_mul(factor);
-                        let (difference, _) = self.numbers.decode(from, context, predicted);
+                        let difference = self.numbers.decode_apart(from, context, predicted);
                         self.note(context, extreme, difference);
                         return Ok(self.add(difference));
                     }
@@ -121,7 +121,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
     /// A time that no difference of 32 bits leads to begins a sequence.
     fn decode_far(&mut self, from: &mut Decoder) -> i64 {
         let above = (self.times[self.last & 3] >> 32) as i32;
-        let (high, _) = self.numbers.decode(from, 8, above);
+        let high = self.numbers.decode_apart(from, 8, above);
         let time = i64::from(high) << 32 | i64::from(from.raw_word());
         self.begin_sequence(time);
         time

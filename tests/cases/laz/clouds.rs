@@ -24,7 +24,8 @@ impl Dice {
 pub fn records(point_format: u8, length: usize, points: usize, seed: u64) -> Vec<u8> {
     let mut dice = Dice::new(seed + 1);
     // How often things change is another in each cloud: never to always.
-    let rates: Vec<u64> = (0..length).map(|_| [1, 2, 5, 50, u64::MAX >> 12][dice.below(5) as usize]).collect();
+    let rates: Vec<u64> =
+        (0..length).map(|_| [1, 2, 5, 50, u64::MAX >> 12][dice.below(5) as usize]).collect();
     let steps = [1, 3, 100, 1 << 14, 1 << 22, 1 << 31][dice.below(6) as usize];
     let wild = [1, 40, u64::MAX >> 12][dice.below(3) as usize];
     let channels = [1, 1, 2, 4][dice.below(4) as usize];
@@ -42,7 +43,8 @@ pub fn records(point_format: u8, length: usize, points: usize, seed: u64) -> Vec
             let at = 4 * axis;
             let mut word = [0; 4];
             word.copy_from_slice(&record[at..at + 4]);
-            let by = if dice.one_in(wild) { dice.below(1 << 32) as i32 } else { dice.below(2 * steps) as i32 };
+            let by =
+                if dice.one_in(wild) { dice.below(1 << 32) as i32 } else { dice.below(2 * steps) as i32 };
             let moved = i32::from_le_bytes(word).wrapping_add(by).wrapping_sub(steps as i32);
             record[at..at + 4].copy_from_slice(&moved.to_le_bytes());
         }

@@ -96,9 +96,8 @@ fn verdict(seeds: &mut Seeds, chunk: &[u8], points: usize) -> Result<&'static st
 fn damaged_chunks_are_errors_or_the_same_records() {
     let wish = std::env::var("LODESTONE_FUZZ_SECONDS").unwrap_or_default();
     let seconds: f64 = if wish.is_empty() { 2.0 } else { wish.parse().expect("a number of seconds") };
-    let seed = std::env::var("LODESTONE_FUZZ_SEED").map_or_else(|_| u64::from(std::process::id()), |seed| {
-        seed.parse().expect("a number")
-    });
+    let seed = std::env::var("LODESTONE_FUZZ_SEED")
+        .map_or_else(|_| u64::from(std::process::id()), |seed| seed.parse().expect("a number"));
     std::panic::set_hook(Box::new(|_| {})); // laz panics now and then
     let mut dice = Dice::new(seed);
     let mut all = seeds(&mut dice);

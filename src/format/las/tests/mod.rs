@@ -12,7 +12,7 @@ use crate::cloud::attribute::{ExtraField, Scalar};
 
 /// Records like those of a scan, from a seed: coordinates that wander, returns
 /// that make sense, the rest anything.
-fn records(point_format: u8, extra: usize, points: usize, seed: u64) -> Vec<u8> {
+pub fn records(point_format: u8, extra: usize, points: usize, seed: u64) -> Vec<u8> {
     let length = record_length(point_format).unwrap() + extra;
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     let mut random = move || {
