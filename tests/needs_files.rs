@@ -286,7 +286,7 @@ fn reference_systems_of_every_make_reach_the_octree() {
     for wkt in [None, Some(compound), Some(wkt2)] {
         let options = LasOptions { crs: wkt.into_iter().map(Vlr::wkt).collect(), ..modern(6) };
         let held = of(&options, &records, folder.path());
-        assert_eq!(held.metadata.projection, wkt.unwrap_or_default());
+        assert_eq!(held.metadata.crs, wkt.unwrap_or_default());
     }
     // Tiles that contradict each other: the first one's holds, and it is told.
     let tiles = folder.path().join("tiles");
@@ -296,7 +296,7 @@ fn reference_systems_of_every_make_reach_the_octree() {
         write_las(&tiles.join(name), &options, &records);
     }
     let held = held(&tiles, &folder.path().join("octree"));
-    assert_eq!(held.metadata.projection, compound);
+    assert_eq!(held.metadata.crs, compound);
     let told = held.outcome.notes.iter().filter(|note| note.contains("reference system differs"));
     assert_eq!(told.count(), 1, "{:?}", held.outcome.notes);
 }

@@ -9,6 +9,7 @@ use super::output::{complain, say};
 use super::progress::{self, Style};
 use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
+use crate::format::crs;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::stage::staging::{staging_folder, within_a_name};
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// The octree's name in its metadata; the output folder's if not given
     #[arg(long, visible_alias = "title")]
     name: Option<String>,
+    /// The coordinate reference system, whatever the files say: an EPSG code, as in EPSG:25832, or WKT
+    #[arg(long, value_name = "CRS", value_parser = |text: &str| crs::named(text))]
+    crs: Option<String>,
     /// Threads to work with; all that the machine or container grants if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -99,6 +103,7 @@ pub fn run(arguments: Arguments) -> Exit {
             twins: arguments.twins,
             attributes: arguments.attributes,
             name: arguments.name,
+            crs: arguments.crs,
         },
         // Hashing would read every file once more.
         hashes: HashMap::new(),

@@ -117,7 +117,10 @@ fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String {
     page.line("", format!("from {}", coordinates(bounds.min, metadata.scale)));
     page.line("scale", join(metadata.scale));
     page.line("offset", join(metadata.offset));
-    page.line("projection", one_line(or_none(&metadata.projection)));
+    page.line("CRS", one_line(or_none(metadata.crs())));
+    if !metadata.crs.is_empty() {
+        page.line("projection", one_line(or_none(&metadata.projection)));
+    }
     page.0.push('\n');
     levels(&mut page, metadata, nodes);
     page.0.push('\n');
@@ -193,6 +196,9 @@ fn las_page(path: &Path, header: &Header) -> String {
             page.line(&format!("CRS ({source})"), one_line(&crs.text));
         }
         None => page.line("CRS", "-"),
+    }
+    if !matches!(header.point_format, 0 | 2) {
+        page.line("GPS times", header.gps_time.describe());
     }
     for (index, field) in header.extra.iter().enumerate() {
         let title = if index == 0 { "extra bytes" } else { "" };

@@ -12,11 +12,27 @@ use serde::{Deserialize, Serialize};
 /// How one file stores positions, and the box of the integers it really holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SourceGrid {
+    /// Never 0; below 0, the integers are a mirror of the world.
     pub scale: [f64; 3],
     pub offset: [f64; 3],
     /// Smallest and largest stored integer per axis.
     pub min: [i32; 3],
     pub max: [i32; 3],
+}
+
+impl SourceGrid {
+    /// The integers of a box of world coordinates. A negative scale mirrors them;
+    /// a box that is none, as headers have, becomes a point.
+    pub fn around(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> SourceGrid {
+        let raw = |world: [f64; 3]| -> [i32; 3] {
+            std::array::from_fn(|a| ((world[a] - offset[a]) / scale[a]).round() as i32)
+        };
+        let (low, high) = (raw(low), raw(high));
+        let is_mirrored = |a: usize| scale[a] < 0.0;
+        let min: [i32; 3] = std::array::from_fn(|a| if is_mirrored(a) { high[a] } else { low[a] });
+        let max = std::array::from_fn(|a| if is_mirrored(a) { low[a] } else { high[a] }.max(min[a]));
+        SourceGrid { scale, offset, min, max }
+    }
 }
 
 /// World = stored integer × scale + offset, per axis.
@@ -385,6 +401,24 @@ mod tests {
     }
 
     #[test]
+    fn a_negative_scale_mirrors_the_integers_exactly() {
+        let sources =
+            [source(-0.01, 0.0, i32::MIN, -5), source(0.01, 1000.0, 0, 100), source(-0.02, 7.0, -9, 9)];
+        let (lattice, to) = choose(&sources, |_, _| false);
+        assert!(lattice.is_exact(), "{lattice:?}");
+        for (source, to) in sources.iter().zip(&to) {
+            for raw in [source.min[0], source.max[0]] {
+                let world = f64::from(raw) * source.scale[0] + source.offset[0];
+                let stored = to.stored([raw; 3])[1];
+                assert!((lattice.world(1, stored.into()) - world).abs() < 1e-5, "{raw}");
+                assert!(lattice.min[1] <= stored && stored <= lattice.max[1]);
+            }
+        }
+        let grid = SourceGrid::around([-0.5; 3], [0.0; 3], [1.0; 3], [2.0; 3]);
+        assert_eq!((grid.min, grid.max), ([-4; 3], [-2; 3]));
+    }
+
+    #[test]
     fn what_viewers_would_misread_moves_to_the_corner() {
         let (lattice, to) = choose(&[source(0.01, 0.0, 1 << 27, (1 << 27) + 9)], |low, _| low[0] >= 1 << 27);
         let clear = CLEAR as i32;
@@ -394,17 +428,18 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the files' scales and offsets, a position lands within half
+        /// Whatever the files' scales, of either sign, and offsets, a position lands within half
         /// a unit of where it was, and exactly there if the lattice says so.
         #[test]
         fn positions_stay_where_they_are(
             tiles in proptest::collection::vec(
-                (1u32..7, -1000i32..1000, 0u32..4, any::<i16>(), 0i32..30_000), 1..5),
+                (1u32..7, -1000i32..1000, 0u32..4, any::<i16>(), 0i32..30_000, any::<bool>()), 1..5),
             pick in 0usize..100,
         ) {
-            let sources: Vec<SourceGrid> = tiles.iter().map(|(e, whole, quarter, min, len)| {
+            let sources: Vec<SourceGrid> = tiles.iter().map(|(e, whole, quarter, min, len, mirrored)| {
                 let offset = f64::from(*whole) + f64::from(*quarter) * 0.25;
-                source(10f64.powi(-(*e as i32)), offset, i32::from(*min), i32::from(*min) + len)
+                let sign = if *mirrored { -1.0 } else { 1.0 };
+                source(sign * 10f64.powi(-(*e as i32)), offset, i32::from(*min), i32::from(*min) + len)
             }).collect();
             let (lattice, to) = choose(&sources, |_, _| false);
             let i = pick % sources.len();

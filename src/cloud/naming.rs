@@ -64,11 +64,79 @@ const ORDER: [&str; 24] = [
     "z(t)",
 ];
 
+/// Names that Potree and potree-core look up in tables of their own, without the
+/// blanks and in the letters of [`bare`]: the point attributes that their loaders
+/// know (PointAttributes.js), those of their shaders (PotreeRenderer.js), what the
+/// decoders in their workers treat apart, and the ways to color points that the
+/// shader has (pointcloud.vs). A field of such a name is drawn as what it is not,
+/// or the viewer stops at its size.
+const VIEWER_NAMES: [&str; 34] = [
+    "aextra",
+    "classification",
+    "color",
+    "colorpacked",
+    "composite",
+    "depth",
+    "elevation",
+    "gpstime",
+    "height",
+    "indices",
+    "intensity",
+    "intensitygradient",
+    "levelofdetail",
+    "lod",
+    "matcap",
+    "normal",
+    "normalfloats",
+    "normaloct16",
+    "normalspheremapped",
+    "numberofreturns",
+    "phong",
+    "pointsourceid",
+    "position",
+    "positioncartesian",
+    "returnnumber",
+    "returns",
+    "rgb",
+    "rgba",
+    "rgbandelevation",
+    "rgbapacked",
+    "rgbheight",
+    "rgbpacked",
+    "sourceid",
+    "spacing",
+];
+
+/// What every object of JavaScript has: viewers keep attributes as members of
+/// plain objects and would find these instead.
+const OBJECT_MEMBERS: [&str; 12] = [
+    "__defineGetter__",
+    "__defineSetter__",
+    "__lookupGetter__",
+    "__lookupSetter__",
+    "__proto__",
+    "constructor",
+    "hasOwnProperty",
+    "isPrototypeOf",
+    "propertyIsEnumerable",
+    "toLocaleString",
+    "toString",
+    "valueOf",
+];
+
 /// Names that mean something to viewers and to whoever verifies: a field of extra
 /// bytes never gets one of them, not even where the point format or the options
-/// leave it free.
+/// leave it free. Letter case and separators do not matter, since viewers have
+/// several spellings and turn separators into underscores.
 fn is_reserved(name: &str) -> bool {
-    matches!(name, "position" | "rgba" | "POSITION_CARTESIAN") || ORDER.contains(&name)
+    ORDER.iter().any(|standard| standard.eq_ignore_ascii_case(name))
+        || OBJECT_MEMBERS.contains(&name)
+        || VIEWER_NAMES.contains(&bare(name).as_str())
+}
+
+/// A name's letters and digits, in lower case.
+fn bare(name: &str) -> String {
+    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
 }
 
 /// Standard attributes in the order viewers list them, then the others in the
@@ -77,4 +145,46 @@ pub(super) fn viewing_order(merged: &[(Attribute, bool)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..merged.len()).collect();
     order.sort_by_key(|i| ORDER.iter().position(|name| *name == merged[*i].0.name).unwrap_or(ORDER.len()));
     order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::attribute::Scalar;
+    use super::*;
+
+    #[test]
+    fn extra_fields_never_take_a_viewer_s_name() {
+        for name in
+            ["RGBA", "color", "Color", "indices", "INDICES", "NORMAL", "return_number", "returnNumber"]
+                .into_iter()
+                .chain([
+                    "gps-time",
+                    "GPS_TIME",
+                    "level of detail",
+                    "source id",
+                    "X(t)",
+                    "constructor",
+                    "__proto__",
+                ])
+        {
+            let mut merged = Vec::new();
+            merge(&mut merged, Attribute::new(name, Scalar::U32, 1), true, true, &[]);
+            assert_eq!(merged[0].0.name, format!("{name} (2)"));
+        }
+        for name in ["confidence", "Colors", "NormalX", "xt", "normal curvature", "rgb (2)", "\u{212b}"] {
+            let mut merged = Vec::new();
+            merge(&mut merged, Attribute::new(name, Scalar::U32, 1), true, true, &[]);
+            assert_eq!(merged[0].0.name, name);
+        }
+    }
+
+    #[test]
+    fn reserved_names_of_one_kind_are_shared_between_files() {
+        let mut merged = Vec::new();
+        let field = || Attribute::new("rgba", Scalar::U32, 1);
+        assert_eq!(merge(&mut merged, field(), true, true, &[]), 0);
+        assert_eq!(merge(&mut merged, field(), true, true, &[]), 0);
+        assert_eq!(merge(&mut merged, field(), true, true, &[0]), 1);
+        assert_eq!(merged[1].0.name, "rgba (3)");
+    }
 }

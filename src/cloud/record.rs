@@ -364,7 +364,7 @@ mod tests {
     #[test]
     fn extra_bytes_of_the_same_name_but_another_type_stay_apart() {
         let extra = |scalar: Scalar| ExtraField {
-            name: "height".into(),
+            name: "above ground".into(),
             description: String::new(),
             scalar,
             elements: 1,
@@ -375,7 +375,7 @@ mod tests {
         let a = Source { format: 0, record_length: 24, extra: vec![extra(Scalar::F32)] };
         let b = Source { format: 0, record_length: 28, extra: vec![extra(Scalar::F64)] };
         let u = Unified::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[], None);
-        assert!(names(&u).contains(&"height") && names(&u).contains(&"height (2)"));
+        assert!(names(&u).contains(&"above ground") && names(&u).contains(&"above ground (2)"));
     }
 
     #[test]

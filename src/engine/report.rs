@@ -31,6 +31,8 @@ struct Report<'a> {
     /// World length of the root cube's side, and of the root's spacing.
     cube: f64,
     spacing: f64,
+    /// The coordinate reference system in words, and for viewers as a proj4 string.
+    crs: &'a str,
     projection: &'a str,
     attributes: Vec<&'a str>,
     /// Attributes that were left out on request.
@@ -128,6 +130,7 @@ pub fn write(
         lattice: &survey.lattice,
         cube: survey.cube.side(),
         spacing: survey.cube.spacing(),
+        crs: &survey.crs,
         projection: &survey.projection,
         attributes: survey.unified.schema.attributes.iter().map(|a| a.name.as_str()).collect(),
         left_out: &survey.unified.left_out,

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::{RenderError, Result};
 use crate::cloud::attribute::Schema;
+use crate::format::crs;
 use crate::format::potree::{
     self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, encoding::LARGEST_NODE,
 };
@@ -19,6 +20,8 @@ pub struct Octree {
     pub folder: PathBuf,
     pub metadata: Metadata,
     pub schema: Schema,
+    /// What a unit of each axis counts in pictures: 1, or of degrees their meters.
+    unit: [f64; 3],
     hierarchy: File,
     hierarchy_bytes: u64,
     points: File,
@@ -27,6 +30,23 @@ pub struct Octree {
     /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
     unclaimed: u64,
     bytes_read: AtomicU64,
+}
+
+/// Meters of a degree where the cloud lies, if it counts in degrees: a picture in
+/// which heights are meters and widths degrees would show a wall.
+fn unit(metadata: &Metadata) -> [f64; 3] {
+    let position = metadata.attributes.iter().find(|attribute| attribute.name == "position");
+    let latitude = position.and_then(|p| Some((p.min.get(1)? + p.max.get(1)?) / 2.0));
+    match latitude.filter(|_| crs::is_geographic(metadata.crs())) {
+        None => [1.0; 3],
+        Some(latitude) => {
+            let angle = latitude.clamp(-89.9, 89.9).to_radians();
+            // Series of the ellipsoid of WGS 84, to some centimeters.
+            let north = 111_132.95 - 559.85 * (2.0 * angle).cos() + 1.17 * (4.0 * angle).cos();
+            let east = 111_412.88 * angle.cos() - 93.5 * (3.0 * angle).cos() + 0.12 * (5.0 * angle).cos();
+            [east, north, 1.0]
+        }
+    }
 }
 
 impl Octree {
@@ -40,6 +60,7 @@ impl Octree {
         let first = Proxy::first(metadata.hierarchy.first_chunk_size);
         let octree = Octree {
             folder: folder.to_path_buf(),
+            unit: unit(&metadata),
             metadata,
             schema,
             hierarchy,
@@ -109,13 +130,14 @@ impl Octree {
         }
     }
 
-    /// The world position of a record.
+    /// The position of a record in the picture's world: the octree's, or of one in
+    /// degrees, meters.
     pub fn position(&self, record: &[u8]) -> [f64; 3] {
         let (scale, offset) = (&self.metadata.scale, &self.metadata.offset);
         std::array::from_fn(|i| {
             let bytes = record.get(4 * i..).and_then(|bytes| bytes.first_chunk());
             let stored = bytes.map_or(0, |bytes| i32::from_le_bytes(*bytes));
-            f64::from(stored) * scale[i] + offset[i]
+            (f64::from(stored) * scale[i] + offset[i]) * self.unit[i]
         })
     }
 
@@ -134,17 +156,31 @@ impl Octree {
         self.bytes_read.load(Ordering::Relaxed)
     }
 
-    /// The cube of a node, in world units: its lower corner and its side.
-    pub fn cube(&self, name: NodeName) -> ([f64; 3], f64) {
+    /// The cube of a node, as positions count: its lower corner and its sides, which
+    /// differ where axes have other units.
+    pub fn cube(&self, name: NodeName) -> ([f64; 3], [f64; 3]) {
         let root = &self.metadata.bounding_box;
         let side = (root.max[0] - root.min[0]) / 2f64.powi(i32::from(name.level()));
         let cell = name.cell();
-        (std::array::from_fn(|axis| root.min[axis] + cell[axis] as f64 * side), side)
+        let corner = |axis: usize| (root.min[axis] + cell[axis] as f64 * side) * self.unit[axis];
+        (std::array::from_fn(corner), self.unit.map(|unit| side * unit))
     }
 
-    /// Spacing of a level, in world units.
+    /// A corner of the world as positions count.
+    pub fn world(&self, corner: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| corner[axis] * self.unit[axis])
+    }
+
+    /// The least spacing of a level along any axis.
+    pub fn least_spacing(&self, level: u8) -> f64 {
+        let unit = self.unit.iter().copied().fold(f64::INFINITY, f64::min);
+        self.metadata.spacing * unit / 2f64.powi(i32::from(level))
+    }
+
+    /// The greatest spacing of a level along any axis, as positions count.
     pub fn spacing(&self, level: u8) -> f64 {
-        self.metadata.spacing / 2f64.powi(i32::from(level))
+        let unit = self.unit.iter().copied().fold(0.0, f64::max);
+        self.metadata.spacing * unit / 2f64.powi(i32::from(level))
     }
 }
 

@@ -71,7 +71,7 @@ impl Scene {
             }
         }
         // No splat is larger than a leaf of a cloud of a few points asks for.
-        let largest = octree.spacing(0) * 32.0;
+        let largest = octree.least_spacing(0) * 32.0;
         let codes: Vec<u8> = chosen
             .iter()
             .zip(&regions)
@@ -129,30 +129,35 @@ fn load_node(
 
 /// The deepest drawn node that holds a point, down from one that does, and the
 /// cell of that node's 8³.
-fn region_of(chosen: &[Chosen], mut place: u32, cube: ([f64; 3], f64), position: [f64; 3]) -> (u32, u16) {
-    let (mut corner, mut side) = cube;
+fn region_of(
+    chosen: &[Chosen],
+    mut place: u32,
+    cube: ([f64; 3], [f64; 3]),
+    position: [f64; 3],
+) -> (u32, u16) {
+    let (mut corner, mut sides) = cube;
     loop {
-        let half = side / 2.0;
-        let upper: [bool; 3] = std::array::from_fn(|i| position[i] >= corner[i] + half);
+        let half = sides.map(|side| side / 2.0);
+        let upper: [bool; 3] = std::array::from_fn(|i| position[i] >= corner[i] + half[i]);
         let digit = usize::from(upper[0]) << 2 | usize::from(upper[1]) << 1 | usize::from(upper[2]);
         let Some(child) = chosen[place as usize].children[digit] else { break };
-        (0..3).filter(|&i| upper[i]).for_each(|i| corner[i] += half);
-        (place, side) = (child, half);
+        (0..3).filter(|&i| upper[i]).for_each(|i| corner[i] += half[i]);
+        (place, sides) = (child, half);
     }
-    let scale = CELLS as f64 / side;
-    let cell: [u16; 3] =
-        std::array::from_fn(|i| (((position[i] - corner[i]) * scale) as u16).min(CELLS as u16 - 1));
+    let cell: [u16; 3] = std::array::from_fn(|i| {
+        (((position[i] - corner[i]) * (CELLS as f64 / sides[i])) as u16).min(CELLS as u16 - 1)
+    });
     (place, cell[0] << 6 | cell[1] << 3 | cell[2])
 }
 
 /// How far apart the points of a region are, in world units: a surface that
 /// passes through so many cells and holds so many points.
 fn spacing(octree: &Octree, chosen: &Chosen, region: &Region) -> f64 {
-    let level = octree.spacing(chosen.node.name.level());
+    let level = octree.least_spacing(chosen.node.name.level());
     if region.points == 0 {
         return level;
     }
-    let cell = octree.cube(chosen.node.name).1 / CELLS as f64;
+    let cell = octree.cube(chosen.node.name).1.into_iter().fold(f64::INFINITY, f64::min) / CELLS as f64;
     let occupied: u32 = region.occupied.iter().map(|bits| bits.count_ones()).sum();
     let density = f64::from(region.points) / f64::from(occupied);
     let apart = cell * (POISSON_DENSITY / density).sqrt();

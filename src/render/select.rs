@@ -126,12 +126,12 @@ fn pixels_a_unit(
     [width, height]: [u32; 2],
     name: NodeName,
 ) -> f64 {
-    let (corner, side) = octree.cube(name);
+    let (corner, sides) = octree.cube(name);
     let low: [f64; 3] = std::array::from_fn(|i| corner[i].max(tight[0][i]));
     if low[2] > tight[1][2] {
         return 0.0;
     }
-    let high: [f64; 3] = std::array::from_fn(|i| (corner[i] + side).min(tight[1][i]).max(low[i]));
+    let high: [f64; 3] = std::array::from_fn(|i| (corner[i] + sides[i]).min(tight[1][i]).max(low[i]));
     let middle: [f64; 3] = std::array::from_fn(|i| (low[i] + high[i]) / 2.0);
     let half: [f64; 3] = std::array::from_fn(|i| (high[i] - low[i]) / 2.0);
     let focal = super::camera::focal(width, height);
@@ -162,12 +162,13 @@ fn pixels_a_unit(
 fn bounds_of_points(octree: &Octree) -> [[f64; 3]; 2] {
     let root = &octree.metadata.bounding_box;
     let stated = octree.metadata.attributes.first().filter(|a| a.min.len() == 3 && a.max.len() == 3);
-    let Some(position) = stated else { return [root.min, root.max] };
+    let whole = [octree.world(root.min), octree.world(root.max)];
+    let Some(position) = stated else { return whole };
     let margin = octree.metadata.spacing / 128.0;
-    let low = std::array::from_fn(|i| (position.min[i] - margin).max(root.min[i]));
-    let high = std::array::from_fn(|i| (position.max[i] + margin).min(root.max[i]));
+    let low: [f64; 3] = std::array::from_fn(|i| (position.min[i] - margin).max(root.min[i]));
+    let high: [f64; 3] = std::array::from_fn(|i| (position.max[i] + margin).min(root.max[i]));
     match (0..3).all(|i| low[i] <= high[i]) {
-        true => [low, high],
-        false => [root.min, root.max],
+        true => [octree.world(low), octree.world(high)],
+        false => whole,
     }
 }

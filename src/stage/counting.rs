@@ -41,10 +41,7 @@ pub struct Findings {
 /// decides.
 fn hinted_grid(file: &LasFile) -> SourceGrid {
     let h = file.header();
-    let raw = |world: f64, axis: usize| ((world - h.offset[axis]) / h.scale[axis]).round() as i32;
-    let min: [i32; 3] = std::array::from_fn(|a| raw(h.min[a], a));
-    let max: [i32; 3] = std::array::from_fn(|a| raw(h.max[a], a).max(min[a]));
-    SourceGrid { scale: h.scale, offset: h.offset, min, max }
+    SourceGrid::around(h.scale, h.offset, h.min, h.max)
 }
 
 /// What a census stands on.
@@ -88,6 +85,8 @@ pub struct Found {
     pub ored: Vec<u8>,
     /// All of its points, outliers too, by return.
     pub returns: [u64; 16],
+    /// Of those, points with a coordinate at a limit of 32-bit integers.
+    pub saturated: u64,
 }
 
 impl Found {
@@ -108,6 +107,31 @@ impl Found {
             _ => (0..3).any(|a| there.min[a] < said.min[a] || there.max[a] > said.max[a]),
         }
     }
+}
+
+/// Whether a coordinate is at a limit of 32-bit integers.
+fn is_saturated(record: &[u8]) -> bool {
+    record::raw_position(record).iter().any(|raw| matches!(*raw, i32::MIN | i32::MAX))
+}
+
+/// Says how many points have coordinates that were cut off, and in which files.
+fn note_saturated(found: &[Found], files: &[LasFile]) -> Option<String> {
+    let cut: Vec<_> = found.iter().zip(files).filter(|(found, _)| found.saturated > 0).collect();
+    let points: u64 = cut.iter().map(|(found, _)| found.saturated).sum();
+    let named: Vec<String> =
+        cut.iter().take(MOST_NAMED).map(|(_, file)| file.path().display().to_string()).collect();
+    let more = match cut.len().checked_sub(MOST_NAMED) {
+        Some(more @ 1..) => format!(" and {more} more files"),
+        _ => String::new(),
+    };
+    (points > 0).then(|| {
+        format!(
+            "{points} points of {}{more} have a coordinate at the limit of 32-bit integers: the program that \
+             wrote it could not hold the true one with the scale and offset of its header. Where they lie is \
+             lost; export them again with an offset near the points, or a coarser scale",
+            named.join(", ")
+        )
+    })
 }
 
 /// Files of which the same is to be told, each by its name up to here.
@@ -184,7 +208,7 @@ impl Counter<'_> {
             let hints = self.region.restrict(counting.base, &counting.census, kept, self.files);
             (found, counting) = self.fit(&hints, points)?;
         }
-        let notes = self.region.note(points).into_iter().collect();
+        let notes = note_saturated(&found, self.files).into_iter().chain(self.region.note(points)).collect();
         let limit = plan::chunk_limit(points);
         while counting.census.refine(limit) {
             self.count_again(&counting)?;
@@ -228,7 +252,7 @@ impl Counter<'_> {
                 let h = f.header();
                 let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
                 let grid = SourceGrid { scale: h.scale, offset: h.offset, min, max };
-                Found { grid, ored: vec![0; h.record_length], returns: [0; 16] }
+                Found { grid, ored: vec![0; h.record_length], returns: [0; 16], saturated: 0 }
             })
             .collect();
         let found: Vec<Mutex<Found>> = start.into_iter().map(Mutex::new).collect();
@@ -239,7 +263,7 @@ impl Counter<'_> {
             let mut tally = hinted.census.tally();
             let mut inside = Vec::new();
             for block in records.chunks(BLOCK * length) {
-                looker.look_at_returns(block);
+                looker.look_at_all(block);
                 let block = self.region.of(unit.input, block, length, &mut inside);
                 looker.look(block);
                 let trees = block
@@ -317,6 +341,7 @@ struct Looker {
     point_format: u8,
     length: usize,
     returns: [u64; 16],
+    saturated: u64,
     min: [i32; 3],
     max: [i32; 3],
     /// Eight records ORed side by side, so that whole words can be.
@@ -326,10 +351,12 @@ struct Looker {
 impl Looker {
     fn new(point_format: u8, length: usize) -> Looker {
         let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
-        Looker { point_format, length, returns: [0; 16], min, max, ored: vec![0; length] }
+        Looker { point_format, length, returns: [0; 16], saturated: 0, min, max, ored: vec![0; length] }
     }
 
-    fn look_at_returns(&mut self, records: &[u8]) {
+    /// At all of its points, outliers too.
+    fn look_at_all(&mut self, records: &[u8]) {
+        self.saturated += records.chunks_exact(self.length).filter(|r| is_saturated(r)).count() as u64;
         returns_of(self.point_format, records, self.length, &mut self.returns);
     }
 
@@ -357,6 +384,7 @@ impl Looker {
             found.grid.min[a] = found.grid.min[a].min(self.min[a]);
             found.grid.max[a] = found.grid.max[a].max(self.max[a]);
         }
+        found.saturated += self.saturated;
         for (sum, more) in found.returns.iter_mut().zip(self.returns) {
             *sum += more;
         }

@@ -1,9 +1,11 @@
 //! The options of a conversion: what changes the octree's bytes.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::cloud::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
 use crate::deserialize_choice;
+use crate::format::crs;
 use crate::lod::nearest::NearestToCentre;
 use crate::lod::poisson::PoissonDisk;
 use crate::lod::random::RandomInGrid;
@@ -159,6 +161,22 @@ pub struct Options {
     pub attributes: Vec<String>,
     /// The octree's name in its metadata; where none is given, from the input.
     pub name: Option<String>,
+    /// The coordinate reference system as WKT, whatever the files say; read from an
+    /// EPSG code too. Written only where it is given, so that the options of before
+    /// there was such a thing stay the same.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "named_crs")]
+    pub crs: Option<String>,
+}
+
+impl Options {
+    /// Keys that are written only where they are given.
+    pub const WRITTEN_IF_GIVEN: [&'static str; 1] = ["crs"];
+}
+
+/// A system by its name, as WKT.
+fn named_crs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let name = Option::<String>::deserialize(deserializer)?;
+    name.map(|name| crs::named(&name)).transpose().map_err(D::Error::custom)
 }
 
 impl Default for Options {
@@ -173,6 +191,7 @@ impl Default for Options {
             damaged: Damaged::Fail,
             attributes: Vec::new(),
             name: None,
+            crs: None,
         }
     }
 }

@@ -11,6 +11,7 @@ use super::output::NodeEntry;
 use super::survey::Survey;
 use crate::cloud::statistics::Statistics;
 use crate::disk::Disk;
+use crate::format::las::GpsTime;
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
 
@@ -101,6 +102,12 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
         description: String::new(),
         points: survey.points - octree.aside,
         projection: survey.projection.clone(),
+        crs: survey.crs.clone(),
+        gps_time_offset: match survey.gps_time {
+            // What all files had before LAS 1.5 needs no word.
+            None | Some(GpsTime::Week | GpsTime::ADJUSTED) => None,
+            Some(GpsTime::Standard { offset }) => Some(offset),
+        },
         hierarchy: HierarchyEntry {
             first_chunk_size: hierarchy.first_chunk_size,
             step_size: 4,

@@ -95,12 +95,8 @@ impl Region {
             })
         };
         let (world_low, world_high) = (corner(low), corner(high.map(|c| c + 1)));
-        let hints = files.iter().map(|f| f.header()).map(|h| {
-            let raw = |world: &[f64; 3]| {
-                std::array::from_fn(|a| ((world[a] - h.offset[a]) / h.scale[a]).round() as i32)
-            };
-            SourceGrid { scale: h.scale, offset: h.offset, min: raw(&world_low), max: raw(&world_high) }
-        });
+        let hints = files.iter().map(|f| f.header());
+        let hints = hints.map(|h| SourceGrid::around(h.scale, h.offset, world_low, world_high));
         let hints = hints.collect();
         let lattice = &base.lattice;
         let all =

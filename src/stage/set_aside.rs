@@ -16,7 +16,7 @@ use super::error::{Result, StageError};
 use super::options::{Mode, Options};
 use super::survey::{Input, Survey};
 use crate::cloud::attribute::{ExtraField, Scalar};
-use crate::format::las::{LasFile, LasOptions, LasWriter};
+use crate::format::las::{GpsTime, LasFile, LasOptions, LasWriter};
 
 /// The file's name; where inputs differ in their layout, each layout gets one,
 /// the second `set-aside-2.laz`.
@@ -150,8 +150,9 @@ pub fn write(
         };
         let path = folder.join(&name);
         let mut writer = LasWriter::create_on(&context.disk, &path, &las_options(layout))?;
+        writer.set_gps_time(layout.las.own_gps_time());
         for range in written.iter().filter(|range| input_of(survey, runs, range).layout == layout.layout) {
-            append(&mut writer, layout.source.record_length, runs, range, context)?;
+            append(&mut writer, layout, runs, range, context)?;
         }
         writer.finish()?;
         context.disk.sync_file(&path)?;
@@ -200,7 +201,11 @@ fn las_options(input: &Input) -> LasOptions {
         offset: Vec::new(),
     });
     LasOptions {
-        version: (1, 4),
+        // Only LAS 1.5 can say what unusual GPS times count from.
+        version: match input.las.own_gps_time() {
+            GpsTime::Standard { offset } if offset != 1000 && header.point_format >= 6 => (1, 5),
+            _ => (1, 4),
+        },
         point_format: header.point_format,
         scale: header.scale,
         offset: header.offset,
@@ -216,11 +221,12 @@ const BLOCK: u32 = 1 << 16;
 
 fn append(
     writer: &mut LasWriter,
-    length: usize,
+    input: &Input,
     runs: &Runs,
     range: &Range,
     context: &Context,
 ) -> Result<()> {
+    let length = input.source.record_length;
     let mut buffer = Vec::new();
     let mut records = Vec::new();
     let mut done = 0;
@@ -236,6 +242,8 @@ fn append(
             records.extend_from_slice(record);
             records.push(range.reason as u8);
         }
+        // Beside the octree they count from where they did in their file.
+        input.las.move_times_back(&mut records, length + 1)?;
         writer.write(&records)?;
         done += points;
         context.progress.advance(u64::from(points));

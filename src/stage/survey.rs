@@ -14,8 +14,10 @@ use super::context::Context;
 use super::counting::{Base, Counter, Findings};
 use super::damage;
 use super::error::{Result, StageError};
+use super::gps_times;
 use super::options::{Damaged, LodColor, Mode, Options};
 use super::receipt::{self, Identity};
+use super::reference::{self, Reference};
 use super::region::Region;
 use super::scratch::Scratch;
 use super::twins;
@@ -24,7 +26,7 @@ use crate::cloud::cube::Cube;
 use crate::cloud::lattice::{Lattice, Requantise};
 use crate::cloud::plan::{self, Plan};
 use crate::cloud::record::{self, Source, Unified};
-use crate::format::las::{LasFile, Slice};
+use crate::format::las::{GpsTime, LasFile, Slice};
 use crate::lod::average;
 
 /// One input file that has points.
@@ -64,6 +66,7 @@ impl Unit {
 /// The inputs with their headers read, and how they will be gone through.
 pub struct Opened {
     files: Vec<LasFile>,
+    gps_time: Option<GpsTime>,
     units: Vec<Unit>,
     points: u64,
     missing: u64,
@@ -89,7 +92,12 @@ pub struct Survey {
     pub cube: Cube,
     pub unified: Unified,
     pub plan: Plan,
+    /// For viewers: a proj4 string, or empty.
     pub projection: String,
+    /// The coordinate reference system in words, or empty.
+    pub crs: String,
+    /// What the octree's GPS times count from, where the inputs say so.
+    pub gps_time: Option<GpsTime>,
     /// Whether all records are in memory.
     pub in_core: bool,
     /// What the files were found to say that is not so; the points decided.
@@ -111,7 +119,8 @@ pub fn chunk_memory(points: u64, raw: u64, record: u64, options: &Options) -> u6
 
 /// Opens the inputs, each a file.
 pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
-    let Files { files, missing, repairs, notes } = open_all(paths, options.damaged, context)?;
+    let Files { mut files, missing, repairs, mut notes } = open_all(paths, options.damaged, context)?;
+    let gps_time = gps_times::bring_together(&mut files, &mut notes);
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
@@ -119,7 +128,7 @@ pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<O
     }
     let units = cut_into_units(&files, points);
     let in_core = fits_in_core(&files, &units, points, options, context);
-    Ok(Opened { files, units, points, missing, in_core, repairs, notes })
+    Ok(Opened { files, gps_time, units, points, missing, in_core, repairs, notes })
 }
 
 impl Opened {
@@ -151,7 +160,7 @@ pub fn survey(
     scratch: Option<&Scratch>,
     context: &Context,
 ) -> Result<Survey> {
-    let Opened { files, units, points, missing, in_core, mut repairs, mut notes } = opened;
+    let Opened { files, gps_time, units, points, missing, in_core, mut repairs, mut notes } = opened;
     let sources: Vec<Source> = files
         .iter()
         .map(|f| Source {
@@ -182,7 +191,7 @@ pub fn survey(
     let Base { lattice, requantise, cube } = base;
     let position = &mut unified.schema.attributes[0];
     (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
-    let projection = projection(&files, &mut notes);
+    let Reference { crs, projection } = reference::find(&files, options.crs.as_deref(), &lattice, &mut notes);
     let layouts = layouts(&files, &sources);
     let inputs = files
         .into_iter()
@@ -203,6 +212,8 @@ pub fn survey(
         unified,
         plan,
         projection,
+        crs,
+        gps_time,
         in_core,
         repairs,
         notes,
@@ -296,7 +307,8 @@ fn fits_in_core(
     needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }
 
-/// For each input the first that has the same fields, scale and offset.
+/// For each input the first that has the same fields, scale, offset and kind of GPS
+/// times.
 fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
     // Tiles by the thousand may each have their own offset.
     let mut by_grid: HashMap<[u64; 6], Vec<usize>> = HashMap::new();
@@ -304,31 +316,15 @@ fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
         let header = files[input].header();
         let ([a, b, c], [d, e, f]) = (header.scale, header.offset);
         let alike = by_grid.entry([a, b, c, d, e, f].map(f64::to_bits)).or_default();
-        let first = alike.iter().copied().find(|other| sources[*other] == sources[input]);
+        let first = alike.iter().copied().find(|other| {
+            sources[*other] == sources[input] && files[*other].own_gps_time() == files[input].own_gps_time()
+        });
         first.unwrap_or_else(|| {
             alike.push(input);
             input
         })
     };
     (0..files.len()).map(layout).collect()
-}
-
-/// The first file's reference system that says something; the others are
-/// noted where they differ.
-fn projection(files: &[LasFile], notes: &mut Vec<String>) -> String {
-    let mut chosen: Option<&str> = None;
-    for file in files {
-        let Some(crs) = &file.header().crs else { continue };
-        match chosen {
-            None => chosen = Some(&crs.text),
-            Some(first) if first != crs.text => notes.push(format!(
-                "{}: its coordinate reference system differs from the first file's, which is kept",
-                file.path().display()
-            )),
-            Some(_) => {}
-        }
-    }
-    chosen.unwrap_or_default().to_string()
 }
 
 /// A name that was asked for must exist somewhere, used or not.

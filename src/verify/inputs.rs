@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use super::VerifyError;
 use super::mapping::{Converted, Mapping};
 use super::octree::Octree;
-use crate::format::las::{LasFile, Slice};
+use crate::format::las::{GpsTime, LasFile, Slice};
+use crate::format::potree::Metadata;
 
 /// Points that a thread takes at once.
 const SLICE: u32 = 100_000;
@@ -25,20 +26,33 @@ impl Input {
     fn open(path: &Path, octree: &Octree) -> Result<Input, VerifyError> {
         let file = match octree.readable.get(path) {
             Some(file) => file.clone(),
-            None => Arc::new(LasFile::open(path)?),
+            None => {
+                let mut file = LasFile::open(path)?;
+                file.count_times_from(gps_time(&octree.metadata));
+                Arc::new(file)
+            }
         };
         let mapping = Mapping::new(file.header(), octree);
         Ok(Input { file, mapping })
     }
 }
 
+/// What an octree's GPS times count from, if they are not seconds of the week.
+fn gps_time(metadata: &Metadata) -> GpsTime {
+    metadata.gps_time_offset.map_or(GpsTime::ADJUSTED, |offset| GpsTime::Standard { offset })
+}
+
 /// Opens files for what can be read of them, each once for all passes: LAZ is
 /// decoded to the end for that.
-pub fn readable(files: &[PathBuf]) -> Result<HashMap<PathBuf, Arc<LasFile>>, VerifyError> {
+pub fn readable(
+    files: &[PathBuf],
+    metadata: &Metadata,
+) -> Result<HashMap<PathBuf, Arc<LasFile>>, VerifyError> {
     let mut opened = HashMap::new();
     for path in files {
         let mut file = LasFile::open_readable(path)?;
         file.leave_out_damaged(|_| true)?;
+        file.count_times_from(gps_time(metadata));
         opened.insert(path.clone(), Arc::new(file));
     }
     Ok(opened)

@@ -150,8 +150,8 @@ impl Axis {
         // The noise of decimal fractions as floats; it grows with the offsets.
         let noise = 1e-6 + 4.0 * f64::EPSILON * (offset.abs() + to_offset.abs()) / to_scale;
         let drift = (factor - factor.round()).abs() * f64::from(i32::MAX);
-        let is_exact = factor.round() >= 1.0
-            && factor < 2e9
+        let is_exact = factor.round().abs() >= 1.0
+            && factor.abs() < 2e9
             && drift < 1e-3
             && noise < 0.05
             && shift.abs() < 1e17
@@ -212,7 +212,8 @@ impl Mapping {
             |a: usize| Axis::new(header.scale[a], header.offset[a], metadata.scale[a], metadata.offset[a]);
         let mut mapping = Mapping {
             axes: [axis(0), axis(1), axis(2)],
-            scale: header.scale,
+            // A negative scale only mirrors the integers.
+            scale: header.scale.map(f64::abs),
             to_scale: metadata.scale,
             steps: Vec::new(),
             left: Vec::new(),

@@ -88,7 +88,7 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
     report.checks.push(structure::bytes(&octree));
     report.checks.push(structure::counts(&octree));
     if request.damaged {
-        octree.readable = inputs::readable(&files)?;
+        octree.readable = inputs::readable(&files, &octree.metadata)?;
     }
     let walk = walk::walk(&octree, !files.is_empty());
     if !files.is_empty() {

@@ -21,6 +21,8 @@ pub fn metadata(exponent: i32) -> Metadata {
         description: String::new(),
         points: 0,
         projection: String::new(),
+        crs: String::new(),
+        gps_time_offset: None,
         hierarchy: HierarchyEntry { first_chunk_size: 0, step_size: 4, depth: 0 },
         offset: [0.0; 3],
         scale: [1.0; 3],

@@ -44,6 +44,7 @@ impl Marker {
         for (key, wish) in &self.options {
             match value.get_mut(key) {
                 Some(slot) => *slot = wish.clone(),
+                None if Options::WRITTEN_IF_GIVEN.contains(&key.as_str()) => value[key] = wish.clone(),
                 None => return Err(format!("{NAME}: there is no option `{key}`")),
             }
         }

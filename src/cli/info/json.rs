@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::format::crs;
 use crate::format::las::Header;
 use crate::format::potree::{self, Metadata, Node};
 
@@ -18,6 +19,7 @@ pub(super) fn las(path: &Path, header: &Header) -> Value {
             "description": field.description,
         })
     };
+    let has_times = !matches!(header.point_format, 0 | 2);
     json!({
         "kind": if header.compressed { "LAZ" } else { "LAS" },
         "path": path,
@@ -36,7 +38,12 @@ pub(super) fn las(path: &Path, header: &Header) -> Value {
         "software": header.software,
         "system": header.system,
         "created": header.created.map(|created| json!({ "year": created.year, "day": created.day })),
-        "crs": header.crs.as_ref().map(|crs| json!({ "source": crs.source.name(), "text": crs.text })),
+        "crs": header.crs.as_ref().map(|found| json!({
+            "source": found.source.name(),
+            "text": found.text,
+            "proj4": crs::proj4(&found.text),
+        })),
+        "gps_times": has_times.then(|| header.gps_time.describe()),
         "extra_bytes": header.extra.iter().map(field).collect::<Vec<_>>(),
         "notes": header.notes,
     })

@@ -4,6 +4,7 @@
 
 use super::LasError;
 use super::crs::Crs;
+use super::gps_time::GpsTime;
 use super::record_length;
 use super::source::Source;
 use super::vlr::{self, Vlr};
@@ -25,7 +26,7 @@ pub struct Header {
     /// Points that it promises beyond those: only in a file that was opened for
     /// what can be read of it.
     pub missing: u64,
-    /// World = integer × scale + offset.
+    /// World = integer × scale + offset. A scale may be negative, but is never 0.
     pub scale: [f64; 3],
     pub offset: [f64; 3],
     /// World coordinates; a hint only: header bounds are often wrong.
@@ -38,6 +39,8 @@ pub struct Header {
     /// end.
     pub extra: Vec<ExtraField>,
     pub crs: Option<Crs>,
+    /// What the GPS times count from, of the point formats that have them.
+    pub gps_time: GpsTime,
     /// The records that it was found in, and what else of that kind there is.
     pub crs_records: Vec<Vlr>,
     /// The software and the system that made the file.
@@ -60,6 +63,10 @@ pub struct Created {
 
 /// The raw header, checked, before it is known how many points there are.
 pub struct Front {
+    /// Of LAS, whose header of 1.5 is in `raw` as one of 1.4.
+    pub version: (u8, u8),
+    /// In 10^6 seconds; since LAS 1.5.
+    time_offset: Option<u16>,
     pub raw: las::raw::Header,
     /// Bytes of the header in this file, which may be more than the standard's.
     pub size: u64,
@@ -77,7 +84,10 @@ pub struct End {
 }
 
 /// The largest header of any version.
-const LARGEST: usize = 375;
+const LARGEST: usize = 393;
+/// Where the time offset of LAS 1.5 stands, behind the largest and the smallest GPS
+/// time.
+const TIME_OFFSET: usize = 391;
 /// The smallest, that of versions 1.0 to 1.2.
 const SMALLEST: u64 = 227;
 
@@ -94,9 +104,9 @@ pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError>
         return Err(LasError::not_las(path, format!("it ends after {there} bytes, within its header")));
     }
     let (major, minor) = (bytes[24], bytes[25]);
-    if major != 1 || minor > 4 {
+    if major != 1 || minor > 5 {
         let reason = match (major, minor) {
-            (1, 5..=9) => {
+            (1, 6..=9) => {
                 return Err(LasError::unsupported(path, format!("LAS {major}.{minor} is not known yet")));
             }
             _ => format!("it begins with LASF, but there is no LAS version {major}.{minor}"),
@@ -104,16 +114,25 @@ pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError>
         return Err(LasError::not_las(path, reason));
     }
     let size = u16::from_le_bytes([bytes[94], bytes[95]]);
-    let standard_size = las::Version::new(major, minor).header_size();
+    let standard_size = match minor {
+        5 => LARGEST as u16,
+        _ => las::Version::new(major, minor).header_size(),
+    };
     check_size(source, size, standard_size, notes)?;
     // What lies behind the header's own end is not header, and what lies
     // behind the standard's is nobody's.
     bytes[usize::from(size).min(LARGEST)..].fill(0);
-    bytes[94..96].copy_from_slice(&standard_size.to_le_bytes());
+    let time_offset = (minor >= 5).then(|| u16::from_le_bytes([bytes[TIME_OFFSET], bytes[TIME_OFFSET + 1]]));
+    // LAS 1.5 appends to the header of 1.4, which is the last that `las` knows.
+    bytes[25] = minor.min(4);
+    let known_size = las::Version::new(major, bytes[25]).header_size();
+    bytes[94..96].copy_from_slice(&known_size.to_le_bytes());
     let raw =
         las::raw::Header::read_from(bytes.as_slice()).map_err(|e| LasError::header(path, e.to_string()))?;
 
     let front = Front {
+        version: (major, minor),
+        time_offset,
         size: u64::from(size),
         // Bit 7 marks LAZ; bit 6 marked it in the very first versions.
         point_format: raw.point_data_record_format & 0b0011_1111,
@@ -156,7 +175,7 @@ impl Front {
         }
         for (axis, (scale, offset)) in ["x", "y", "z"].iter().zip(self.scale().into_iter().zip(self.offset()))
         {
-            if !scale.is_finite() || scale <= 0.0 {
+            if !scale.is_finite() || scale == 0.0 {
                 return refuse(format!("the scale of {axis} is {}", words::number(scale)));
             }
             if !offset.is_finite() {
@@ -176,11 +195,13 @@ impl Front {
             4..=5 => 3,
             _ => 4,
         };
-        if self.raw.version.minor < needed {
-            notes.push(format!(
-                "point format {format} came with LAS 1.{needed}, but the file says 1.{}",
-                self.raw.version.minor
-            ));
+        let minor = self.version.1;
+        if minor < needed {
+            notes
+                .push(format!("point format {format} came with LAS 1.{needed}, but the file says 1.{minor}"));
+        }
+        if minor >= 5 && format < 6 {
+            notes.push(format!("point format {format} ended with LAS 1.4, but the file says 1.{minor}"));
         }
         Ok(())
     }
@@ -196,6 +217,20 @@ impl Front {
     /// Where the points begin.
     pub fn points_at(&self) -> u64 {
         u64::from(self.raw.offset_to_point_data)
+    }
+
+    /// What GPS times count from; `compatible` is the time offset of a file in
+    /// LASzip's compatibility mode.
+    pub fn gps_time(&self, compatible: Option<u16>, notes: &mut Vec<String>) -> GpsTime {
+        GpsTime::of(self.raw.global_encoding, self.time_offset.or(compatible), notes)
+    }
+
+    /// Whether WKT comes before GeoTIFF keys: in LAS 1.4 by its bit, or by a point format
+    /// that knows nothing else; before there was a bit, since it says more.
+    pub fn is_crs_wkt(&self) -> bool {
+        const WKT_BIT: u16 = 1 << 4;
+        let minor = self.version.1;
+        minor != 4 || self.raw.global_encoding & WKT_BIT != 0 || self.point_format >= 6
     }
 
     pub fn scale(&self) -> [f64; 3] {
@@ -250,7 +285,7 @@ impl Front {
         let raw = &self.raw;
         let created = Created { year: raw.file_creation_year, day: raw.file_creation_day_of_year };
         Header {
-            version: (raw.version.major, raw.version.minor),
+            version: self.version,
             point_format: self.point_format,
             compressed: self.compressed,
             record_length: usize::from(raw.point_data_record_length),
@@ -263,6 +298,7 @@ impl Front {
             returns: self.returns(),
             extra: Vec::new(),
             crs: None,
+            gps_time: GpsTime::Week,
             crs_records: Vec::new(),
             software: vlr::text(&raw.generating_software),
             system: vlr::text(&raw.system_identifier),

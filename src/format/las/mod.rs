@@ -1,6 +1,6 @@
 //! LAS and LAZ: the only module that knows the `las` and `laz` crates. It turns
 //! files into raw records and back, as ASPRS LAS 1.4 R15 and LASzip lay them
-//! out; what a record means is not decided here.
+//! out, up to LAS 1.5; what a record means is not decided here.
 //!
 //! Nothing that a file says is believed before it is held against the file's
 //! real bytes: counts, lengths and offsets lie in the wild. What can be read in
@@ -11,12 +11,15 @@ mod behind;
 mod chunk_table;
 mod chunks;
 mod coding;
+mod compatible;
 mod count;
 mod crs;
 mod error;
 mod explore;
 mod extra_bytes;
 mod fields;
+mod geo_keys;
+mod gps_time;
 mod header;
 mod layout;
 mod mend;
@@ -33,6 +36,7 @@ mod writer;
 
 pub use crs::{Crs, CrsSource};
 pub use error::LasError;
+pub use gps_time::GpsTime;
 pub use header::{Created, Header};
 pub use layout::Layout;
 pub use readable::Checked;

@@ -144,7 +144,7 @@ impl LasFile {
             if !go_on(points) {
                 return Ok(None);
             }
-            records.resize(points as usize * self.header.record_length, 0);
+            records.resize(points as usize * self.stored_length(), 0);
             match turnstile.read(first, &mut records) {
                 Ok(()) => first += points,
                 Err(broken) if broken.unread => {

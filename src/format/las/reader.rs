@@ -8,6 +8,8 @@ use std::sync::{Arc, OnceLock};
 use super::LasError;
 use super::chunks::{Chunk, Layout};
 use super::coding::Coding;
+use super::compatible::{self, Compatible};
+use super::gps_time::TimeShift;
 use super::header::{self, Header};
 use super::source::Source;
 use super::stream::Broken;
@@ -32,6 +34,10 @@ pub struct LasFile {
     complete: bool,
     /// Decoded bytes of a slice at most.
     most_slice: u64,
+    /// Where points are stored as those of another format.
+    compatible: Option<Compatible>,
+    /// Where GPS times are to count from elsewhere.
+    pub(super) time_shift: Option<TimeShift>,
 }
 
 /// Consecutive points of a file, as [`LasFile::slices`] cut them.
@@ -79,13 +85,17 @@ impl LasFile {
             points::plain(&source, &front, reading, &mut notes)?
         };
 
+        let is_crs_wkt = front.is_crs_wkt();
+        let gps_time = front.gps_time(compatible::time_offset(&records), &mut notes);
         let mut header = front.finish(&source);
+        header.gps_time = gps_time;
         (header.points, header.missing) = (points.count, points.missing);
         header.record_length = points.record_length;
         let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
         let standard = super::record_length(header.point_format).unwrap_or(points.record_length);
         header.extra = extra_bytes::parse(descriptions, standard, points.record_length, &mut notes);
-        header.crs = crs::find(&records, &mut notes);
+        let compatible = compatible::recognize(&mut header, &records);
+        header.crs = crs::find(&records, is_crs_wkt, &mut notes);
         header.crs_records = crs::records(records);
         header.notes = notes;
         let mended = OnceLock::new();
@@ -96,6 +106,8 @@ impl LasFile {
             mended,
             complete: points.complete,
             most_slice: MOST_SLICE,
+            compatible,
+            time_shift: None,
         };
         file.bound_slices(MOST_SLICE);
         Ok(file)
@@ -124,8 +136,8 @@ impl LasFile {
     /// Has no more than about so many bytes of records be decoded at once: with several
     /// threads at it, many large chunks would be beyond the memory that there is.
     pub fn bound_slices(&mut self, bytes: u64) {
-        self.most_slice = bytes.clamp(self.header.record_length as u64, MOST_SLICE);
-        let length = self.header.record_length as u64;
+        let length = self.header.record_length.max(self.stored_length()) as u64;
+        self.most_slice = bytes.clamp(length, MOST_SLICE);
         let Body::Chunks { coding, chunks } = &mut self.body else { return };
         if chunks.iter().any(|chunk| chunk.points > MOST_CHUNK || chunk.points * length > self.most_slice) {
             let layout = Layout::Chunks(std::mem::take(chunks));
@@ -133,11 +145,17 @@ impl LasFile {
         }
     }
 
+    /// Bytes of a record as the file has it.
+    pub(super) fn stored_length(&self) -> usize {
+        self.compatible.as_ref().map_or(self.header.record_length, Compatible::stored_length)
+    }
+
     /// Consecutive slices of about `points` points that cover all of them. LAZ
     /// slices begin and end where its chunks do. Ask for them in this order:
     /// some LAZ files can only be decoded from front to back.
     pub fn slices(&self, points: u32) -> Vec<Slice> {
-        let most = (self.most_slice / self.header.record_length as u64).clamp(1, u64::from(u32::MAX));
+        let length = self.header.record_length.max(self.stored_length());
+        let most = (self.most_slice / length as u64).clamp(1, u64::from(u32::MAX));
         let wanted = u64::from(points.max(1)).min(most);
         let Body::Chunks { chunks, .. } = &self.body else {
             return (0..self.header.points.div_ceil(wanted))
@@ -173,11 +191,27 @@ impl LasFile {
     }
 
     fn read_slice(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
+        match &self.compatible {
+            None => self.read_stored(slice, records)?,
+            Some(compatible) => {
+                let mut stored = Vec::new();
+                self.read_stored(slice, &mut stored)?;
+                compatible.restore(&stored, records);
+            }
+        }
+        match self.time_shift {
+            None => Ok(()),
+            Some(shift) => shift.apply(self.path(), records, self.header.record_length),
+        }
+    }
+
+    /// A slice's records as the file has them.
+    fn read_stored(&self, slice: Slice, records: &mut Vec<u8>) -> Result<(), LasError> {
         let end = slice.first.checked_add(u64::from(slice.points));
         if end.is_none_or(|end| end > self.header.points) {
             return Err(self.not_a_slice(slice));
         }
-        let length = self.header.record_length;
+        let length = self.stored_length();
         let room = |records: &mut Vec<u8>| match slice.points as usize * length {
             // The system gives zeroed memory for less than it takes to zero it.
             bytes if records.capacity() < bytes => *records = vec![0; bytes],

@@ -71,9 +71,11 @@ impl Tally {
             let y = |value: i32| f64::from(value) * header.y_scale_factor + header.y_offset;
             let z = |value: i32| f64::from(value) * header.z_scale_factor + header.z_offset;
             let (min, max) = (self.min, self.max);
-            (header.min_x, header.max_x) = (x(min[0]), x(max[0]));
-            (header.min_y, header.max_y) = (y(min[1]), y(max[1]));
-            (header.min_z, header.max_z) = (z(min[2]), z(max[2]));
+            // A negative scale turns them round.
+            let ordered = |a: f64, b: f64| (a.min(b), a.max(b));
+            (header.min_x, header.max_x) = ordered(x(min[0]), x(max[0]));
+            (header.min_y, header.max_y) = ordered(y(min[1]), y(max[1]));
+            (header.min_z, header.max_z) = ordered(z(min[2]), z(max[2]));
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 //! found by walking the file's bytes and never by a header's counts, which lie:
 //! a test file claims 1 069 128 089 of them in 14 kB.
 
+use super::compatible;
 use super::error::LasError;
 use super::source::Source;
 
@@ -183,7 +184,7 @@ fn is_known(user: &str, id: u16) -> bool {
     let is = |name: &str| user.eq_ignore_ascii_case(name);
     match id {
         4 => is("LASF_Spec"),
-        22204 => is("laszip encoded"),
+        22204 => is("laszip encoded") || compatible::is_mark(user, id),
         1 => is("copc"),
         _ => is_of_crs(user, id),
     }

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::coding::Coding;
 use super::error::LasError;
 use super::extra_bytes;
+use super::gps_time::GpsTime;
 use super::tally::Tally;
 use super::vlr::{self, Vlr};
 use crate::cloud::attribute::ExtraField;
@@ -30,7 +31,7 @@ const WKT_BIT: u16 = 1 << 4;
 /// What a file to be written is like.
 #[derive(Debug, Clone)]
 pub struct LasOptions {
-    /// 1.0 to 1.4; formats above 5 need 1.4, 4 and 5 need 1.3.
+    /// 1.0 to 1.5; formats above 5 need 1.4, 4 and 5 need 1.3.
     pub version: (u8, u8),
     pub point_format: u8,
     pub scale: [f64; 3],
@@ -61,7 +62,23 @@ pub struct LasWriter {
     pending: Vec<u8>,
     laz: Option<LazState>,
     tally: Tally,
+    /// Only in LAS 1.5.
+    times: Option<TimeRange>,
 }
+
+/// What a header of LAS 1.5 has behind that of 1.4.
+#[derive(Debug)]
+struct TimeRange {
+    min: f64,
+    max: f64,
+    /// In 10^6 seconds.
+    offset: u16,
+}
+
+/// Bytes of it.
+const TIME_RANGE: u16 = 18;
+/// Where the GPS time stands in a record of the formats 6 to 10, all that LAS 1.5 has.
+const GPS_TIME: usize = 22;
 
 #[derive(Debug)]
 struct LazState {
@@ -94,7 +111,7 @@ impl LasWriter {
             if data.len() <= usize::from(u16::MAX) {
                 vlr::put(&mut vlrs, user, *id, "CRS", data)
                     .map_err(|reason| LasError::write(path, reason))?;
-            } else if options.version == (1, 4) {
+            } else if options.version >= (1, 4) {
                 vlr::put_extended(&mut evlrs, user, *id, "CRS", data);
                 extended += 1;
             } else {
@@ -126,9 +143,24 @@ impl LasWriter {
             pending: Vec::new(),
             laz,
             tally: Tally::new(options.point_format),
+            times: is_1_5(options).then_some(TimeRange {
+                min: f64::INFINITY,
+                max: f64::NEG_INFINITY,
+                offset: 0,
+            }),
         };
         writer.write_front(None)?;
         Ok(writer)
+    }
+
+    /// Says what the GPS times count from. Until then they are seconds of the week.
+    /// An offset other than that of adjusted standard time needs LAS 1.5.
+    pub fn set_gps_time(&mut self, gps_time: GpsTime) {
+        let (bits, offset) = gps_time.encoding();
+        self.header.global_encoding |= bits;
+        if let Some(times) = &mut self.times {
+            times.offset = offset.unwrap_or(0);
+        }
     }
 
     /// Bytes of a record: the format's own and the extra ones.
@@ -143,6 +175,13 @@ impl LasWriter {
             return Err(LasError::write(self.file.path(), reason));
         }
         self.tally.add(records, self.record_length);
+        if let Some(times) = &mut self.times {
+            let of_records = records.chunks_exact(self.record_length);
+            let of_records = of_records.filter_map(|record| record[GPS_TIME..].first_chunk::<8>());
+            for time in of_records.map(|bytes| f64::from_le_bytes(*bytes)) {
+                (times.min, times.max) = (times.min.min(time), times.max.max(time));
+            }
+        }
         let batch = match &self.laz {
             Some(_) => CHUNK_POINTS as usize * self.record_length * rayon::current_num_threads(),
             None => PLAIN_BUFFER,
@@ -188,7 +227,16 @@ impl LasWriter {
     /// Header, variable length records and, for LAZ, where the chunk table is.
     fn write_front(&mut self, table_at: Option<u64>) -> Result<(), LasError> {
         let mut front = Vec::new();
+        if let Some(TimeRange { min, max, offset }) = self.times {
+            let [min, max] = if min <= max { [min, max] } else { [0.0; 2] };
+            self.header.padding = [max.to_le_bytes(), min.to_le_bytes()].concat();
+            self.header.padding.extend_from_slice(&offset.to_le_bytes());
+        }
         self.header.write_to(&mut front).map_err(|e| LasError::write(self.file.path(), e.to_string()))?;
+        if self.times.is_some() {
+            // For `las` it is one of 1.4 that somebody appended to.
+            front[25] = 5;
+        }
         front.extend_from_slice(&self.vlrs);
         if self.laz.is_some() {
             let table_at = table_at.map_or(-1, |at| at as i64);
@@ -250,13 +298,14 @@ fn check(path: &Path, options: &LasOptions) -> Result<usize, LasError> {
         4..=5 => 3,
         _ => 4,
     };
-    if major != 1 || minor > 4 || minor < needed {
+    let last = if options.point_format < 6 { 4 } else { 5 };
+    if major != 1 || minor > last || minor < needed {
         return refuse(format!(
-            "point format {} needs LAS 1.{needed} or later, up to 1.4, not {major}.{minor}",
+            "point format {} needs LAS 1.{needed} or later, up to 1.{last}, not {major}.{minor}",
             options.point_format
         ));
     }
-    if options.scale.iter().any(|s| !s.is_finite() || *s <= 0.0)
+    if options.scale.iter().any(|s| !s.is_finite() || *s == 0.0)
         || options.offset.iter().any(|o| !o.is_finite())
     {
         return refuse(format!("scale {:?} and offset {:?} are no lattice", options.scale, options.offset));
@@ -264,9 +313,13 @@ fn check(path: &Path, options: &LasOptions) -> Result<usize, LasError> {
     Ok(standard)
 }
 
+fn is_1_5(options: &LasOptions) -> bool {
+    options.version == (1, 5)
+}
+
 fn header(options: &LasOptions, record_length: u16, vlrs: &[u8]) -> las::raw::Header {
-    let version = las::Version::new(options.version.0, options.version.1);
-    let header_size = version.header_size();
+    let version = las::Version::new(options.version.0, options.version.1.min(4));
+    let header_size = version.header_size() + if is_1_5(options) { TIME_RANGE } else { 0 };
     let mut header = las::raw::Header {
         version,
         header_size,
@@ -283,7 +336,7 @@ fn header(options: &LasOptions, record_length: u16, vlrs: &[u8]) -> las::raw::He
         ..las::raw::Header::default()
     };
     let has_wkt = options.crs.iter().any(|record| record.id == vlr::WKT);
-    if options.version == (1, 4) && (has_wkt || (options.point_format >= 6 && options.crs.is_empty())) {
+    if options.version >= (1, 4) && (has_wkt || (options.point_format >= 6 && options.crs.is_empty())) {
         header.global_encoding |= WKT_BIT;
     }
     header.system_identifier = [0; 32];

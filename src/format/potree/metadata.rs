@@ -1,6 +1,8 @@
-//! metadata.json: exactly the keys that viewers know, and two of our own that
-//! they skip: `generator`, who made the octree and by which rule, and
-//! `valueType` of an attribute whose 64-bit integers are declared in halves.
+//! metadata.json: exactly the keys that viewers know, and four of our own that
+//! they skip: `generator`, who made the octree and by which rule; `crs`, the whole
+//! coordinate reference system; `gpsTimeOffset`, what GPS times count from where
+//! that is unusual; and `valueType` of an attribute whose 64-bit integers are
+//! declared in halves.
 //!
 //! Viewers have no reader for 64-bit integers: one such attribute makes their
 //! decoder stop, and the whole cloud stays invisible. So it is declared as twice
@@ -27,9 +29,18 @@ pub struct Metadata {
     pub description: String,
     /// Points of the whole octree.
     pub points: u64,
-    /// WKT or proj4; empty where unknown.
+    /// A proj4 string, for the horizontal part of the coordinate reference system;
+    /// empty where there is none. Viewers hand it to a proj4.js that reads nothing
+    /// else, on every frame.
     #[serde(default)]
     pub projection: String,
+    /// The whole coordinate reference system: WKT, or what is known of it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub crs: String,
+    /// GPS times are standard GPS time minus so many 10^6 seconds (LAS 1.5); 1000
+    /// where it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gps_time_offset: Option<u16>,
     pub hierarchy: HierarchyEntry,
     /// World = position × scale + offset.
     pub offset: [f64; 3],
@@ -192,6 +203,12 @@ impl Metadata {
         metadata.spacing = finite(metadata.spacing, f64::MAX);
         // A struct's keys are strings, so there is always a page.
         json::page(&metadata).unwrap_or_default()
+    }
+
+    /// The coordinate reference system in words: octrees of older versions, and of
+    /// other converters, have it as their projection.
+    pub fn crs(&self) -> &str {
+        if self.crs.is_empty() { &self.projection } else { &self.crs }
     }
 
     /// The layout of a point record, with 64-bit integers whole again.
@@ -372,6 +389,8 @@ mod tests {
             description: String::new(),
             points: 3,
             projection: String::new(),
+            crs: String::new(),
+            gps_time_offset: None,
             hierarchy: HierarchyEntry { first_chunk_size: 22, step_size: 4, depth: 0 },
             offset: [500000.1, 4.1e6, 0.0],
             scale: [0.001; 3],

@@ -32,7 +32,7 @@ fn headers_that_cannot_be_are_refused_with_the_reason() {
     let cases: [(usize, &[u8], &str); 11] = [
         (0, b"LASG", "does not begin with LASF"),
         (24, &[126, 203], "no LAS version 126.203"),
-        (24, &[1, 5], "not known yet"),
+        (24, &[1, 6], "not known yet"),
         (94, &[10, 0], "has 10 bytes, and no LAS header has fewer than 227"),
         (94, &[255, 255], "has 65535 bytes, and the whole file has"),
         (96, &[225, 0, 0, 0], "inside its"),

@@ -1,1 +1,0 @@
-//! Versions, point formats, coordinate systems and colors of LAS files.
