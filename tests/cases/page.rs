@@ -71,7 +71,7 @@ fn drive(script: &str, arguments: &[&str]) -> bool {
 /// Points of a cloud whose conversion lasts long enough to be looked at and stopped:
 /// some seconds by one thread. Fewer do where the program is built without
 /// optimization, see LODESTONE_PAGE_POINTS.
-fn large() -> u32 {
+fn points() -> u32 {
     let wanted = std::env::var("LODESTONE_PAGE_POINTS").ok().and_then(|points| points.parse().ok());
     wanted.unwrap_or(6_000_000)
 }
@@ -84,7 +84,7 @@ fn root() -> tempfile::TempDir {
 fn a_person_drops_watches_cancels_and_retries() {
     let root = root();
     let large = root.path().join("large.las");
-    fs::write(&large, las(crate::page::large(), 1)).expect("written");
+    fs::write(&large, las(points(), 1)).expect("written");
     // Real ones where there are some.
     let real = std::env::var_os("LODESTONE_DATA").map(|data| PathBuf::from(data).join("tiles/bcts"));
     let mut clouds: Vec<PathBuf> = ["bcts_1.laz", "bcts_2.laz"]
@@ -220,7 +220,7 @@ fn pausing_all_returns_what_runs_and_draining_lets_it_end() {
         let head = "POST /queue/order\nContent-Type: application/x-www-form-urlencoded";
         assert_eq!(daemon.ask(head, &format!("mode={mode}")).0, 303);
     };
-    fs::write(daemon.inbox().join("a.las"), las(large(), 1)).expect("dropped");
+    fs::write(daemon.inbox().join("a.las"), las(points(), 1)).expect("dropped");
     daemon.wait("a", "running");
     set("pause");
     let parked = daemon.wait("a", "queued");

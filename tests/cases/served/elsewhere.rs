@@ -183,7 +183,7 @@ fn nginx(folder: &Path, port: u16, daemon: &str) -> Child {
     let temporary = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"]
         .map(|kind| format!("{kind}_temp_path {at}/{kind};"));
     let whole = format!(
-        "daemon off; pid {at}/pid; error_log stderr; worker_processes 1; events {{}}\n\
+        "daemon off; master_process off; pid {at}/pid; error_log stderr; worker_processes 1; events {{}}\n\
          http {{ access_log off; {} {server} }}",
         temporary.join(" ")
     );
