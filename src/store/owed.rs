@@ -57,7 +57,7 @@ impl Store {
     /// is still to be done with that. Newer content has a job of its own to say.
     pub async fn sources_owed(&self, limit: i64) -> Result<Vec<(Job, OnDone)>> {
         let rows = sqlx::query(
-            "SELECT job.* FROM job WHERE sources IS NOT NULL AND state = 'done' \
+            "SELECT job.* FROM job INDEXED BY job_owing_sources WHERE sources IS NOT NULL AND state = 'done' \
              AND EXISTS (SELECT 1 FROM data_set WHERE data_set.id = job.data_set AND data_set.job = job.id) \
              ORDER BY job.id LIMIT ?",
         )

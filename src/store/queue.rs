@@ -134,8 +134,9 @@ impl Store {
     /// called off meanwhile; after this, calling it off comes too late.
     pub async fn stage(&self, job: JobId, owner: &str, inode: u64, result: &str, now: i64) -> Result<bool> {
         let done = sqlx::query(
-            "UPDATE job SET staged = ?, result = ?, updated_at = ? \
-             WHERE id = ? AND state = 'running' AND lease_owner = ? AND wish IS NULL",
+            // What was counted takes the place of what the headers claimed.
+            "UPDATE job SET staged = ?1, result = ?2, points = coalesce(json_extract(?2, '$.points_in'), points), \
+             updated_at = ?3 WHERE id = ?4 AND state = 'running' AND lease_owner = ?5 AND wish IS NULL",
         )
         .bind(inode as i64)
         .bind(result)
