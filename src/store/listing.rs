@@ -6,6 +6,7 @@
 //! move nothing.
 
 use serde::Serialize;
+use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite};
 
 use super::{Result, Store, row};
@@ -150,13 +151,14 @@ impl Store {
     pub async fn listing(&self, listing: &Listing, place: Option<&Place>, limit: i64) -> Result<Page> {
         let backward = place.is_some_and(|place| place.backward);
         let ascending = listing.ascending != backward;
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT id FROM job");
+        let column = listing.sort.column();
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT id, CAST(");
+        query.push(column).push(" AS TEXT) AS value FROM job");
         // The table itself is in the order of the numbers.
         if listing.shown.is_some() || !listing.search.is_empty() || listing.sort != Sort::Age {
             query.push(" INDEXED BY job_listed");
         }
         filter(&mut query, listing);
-        let column = listing.sort.column();
         if let Some(place) = place {
             query.push(format!(" AND ({column}, id) {} (", if ascending { ">" } else { "<" }));
             match listing.sort {
@@ -173,18 +175,24 @@ impl Store {
         });
         query.push(" LIMIT ").push_bind(limit + 1);
         let rows = query.build().fetch_all(&self.readers).await?;
-        let mut ids = rows.iter().map(|row| Ok(row.try_get("id")?)).collect::<Result<Vec<JobId>>>()?;
-        let more = ids.len() as i64 > limit;
-        ids.truncate(limit as usize);
+        // By the columns: what is told of a job may have been corrected since.
+        let place_of = |row: &SqliteRow| {
+            Ok(Place { value: row.try_get("value")?, id: row.try_get("id")?, backward: false })
+        };
+        let mut places = rows.iter().map(place_of).collect::<Result<Vec<Place>>>()?;
+        let more = places.len() as i64 > limit;
+        places.truncate(limit as usize);
         if backward {
-            ids.reverse();
+            places.reverse();
         }
+        let ids: Vec<JobId> = places.iter().map(|place| place.id).collect();
         let jobs = self.jobs_of(&ids).await?;
-        let at = |job: Option<&Job>, backward: bool| job.map(|job| place_of(job, listing.sort, backward));
+        let at =
+            |place: Option<&Place>, backward: bool| place.map(|place| Place { backward, ..place.clone() });
         let (has_previous, has_next) = if backward { (more, true) } else { (place.is_some(), more) };
         Ok(Page {
-            previous: at(jobs.first(), true).filter(|_| has_previous),
-            next: at(jobs.last(), false).filter(|_| has_next),
+            previous: at(places.first(), true).filter(|_| has_previous),
+            next: at(places.last(), false).filter(|_| has_next),
             jobs,
         })
     }
@@ -294,20 +302,6 @@ fn filter(query: &mut QueryBuilder<Sqlite>, listing: &Listing) {
         pattern.push('%');
         query.push(" AND name LIKE ").push_bind(pattern).push(" ESCAPE '\\'");
     }
-}
-
-fn place_of(job: &Job, sort: Sort, backward: bool) -> Place {
-    let value = match sort {
-        Sort::Age => job.id.to_string(),
-        Sort::Name => job.name.clone(),
-        Sort::Points => job.points.to_string(),
-        Sort::Size => job.bytes.to_string(),
-        Sort::Took => match (job.started_at, job.finished_at) {
-            (Some(start), Some(end)) => (end - start).to_string(),
-            _ => "-1".to_string(),
-        },
-    };
-    Place { value, id: job.id, backward }
 }
 
 #[cfg(test)]

@@ -60,9 +60,9 @@ impl Store {
     /// milliseconds: more may come, and its copier must find it.
     pub async fn sources_owed(&self, now: i64, linger: i64, limit: i64) -> Result<Vec<(Job, OnDone)>> {
         let rows = sqlx::query(
-            "SELECT job.* FROM job JOIN data_set ON data_set.id = job.data_set AND data_set.job = job.id \
-             WHERE sources IS NOT NULL AND state = 'done' \
-             AND (kind = 'file' OR abs(?1 - data_set.updated_at) >= ?2) ORDER BY job.id LIMIT ?3",
+            "SELECT job.* FROM job INDEXED BY job_owing_sources WHERE sources IS NOT NULL AND state = 'done' \
+             AND EXISTS (SELECT 1 FROM data_set WHERE data_set.id = job.data_set AND data_set.job = job.id \
+             AND (kind = 'file' OR abs(?1 - data_set.updated_at) >= ?2)) ORDER BY job.id LIMIT ?3",
         )
         .bind(now)
         .bind(linger)

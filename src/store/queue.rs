@@ -155,8 +155,10 @@ impl Store {
         now: i64,
     ) -> Result<bool> {
         let done = sqlx::query(
-            "UPDATE job SET staged = ?, octree = ?, result = ?, updated_at = ? \
-             WHERE id = ? AND state = 'running' AND lease_owner = ? AND wish IS NULL",
+            // What was counted takes the place of what the headers claimed.
+            "UPDATE job SET staged = ?1, octree = ?2, result = ?3, \
+             points = coalesce(json_extract(?3, '$.points_in'), points), updated_at = ?4 \
+             WHERE id = ?5 AND state = 'running' AND lease_owner = ?6 AND wish IS NULL",
         )
         .bind(inode as i64)
         .bind(seal)

@@ -256,7 +256,7 @@ fn the_banner_names_an_address_that_opens() {
     let _ = child.kill();
     let _ = child.wait();
     assert_eq!(status, 200);
-    assert!(String::from_utf8_lossy(&page).contains("name=token"));
+    assert!(String::from_utf8_lossy(&page).contains("name=\"token\""));
 }
 
 /// Each alert has a case in which it fires and one in which it does not;
