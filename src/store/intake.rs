@@ -176,7 +176,8 @@ async fn rename(tx: &mut Tx, data_set: &mut DataSet, arrival: &Arrival) -> Resul
 }
 
 /// The job whose sources are being removed one after the other, where these are
-/// what is left of them: nothing new.
+/// what is left of them: nothing new. Where more came to them instead, they are not
+/// put away any more: what is made of them all takes their octree's place.
 async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> Result<Option<JobId>> {
     let rows = sqlx::query(
         "SELECT job.id, job_input.path, job_input.size, job_input.hash FROM data_set \
@@ -186,11 +187,11 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
     .bind(data_set.id)
     .fetch_all(&mut **tx)
     .await?;
-    if arrival.inputs.len() >= rows.len() {
+    if arrival.inputs.len() == rows.len() {
         return Ok(None);
     }
     let mut known = std::collections::HashMap::with_capacity(rows.len());
-    let mut job = None;
+    let mut job: Option<JobId> = None;
     for row in &rows {
         job = Some(row.try_get("id")?);
         let path: String = row.try_get("path")?;
@@ -200,7 +201,13 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
         known.get(&*input.path.to_string_lossy()) == Some(&(input.size, input.hash.clone()))
             && !input.hash.is_empty()
     };
-    Ok(job.filter(|_| arrival.inputs.iter().all(is_left)))
+    if arrival.inputs.len() < rows.len() {
+        return Ok(job.filter(|_| arrival.inputs.iter().all(is_left)));
+    }
+    if job.is_some() && arrival.inputs.iter().filter(|input| is_left(input)).count() == rows.len() {
+        sqlx::query("UPDATE job SET sources = NULL WHERE id = ?").bind(job).execute(&mut **tx).await?;
+    }
+    Ok(None)
 }
 
 /// A content that stands as another data set's octree is not converted twice,
