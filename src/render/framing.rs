@@ -5,6 +5,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::camera::{Shot, dot, focal};
+use super::lone::without_lone;
+use super::plane::{self, Plane};
 use super::sample::percentile;
 
 /// A way of looking at a cloud.
@@ -112,6 +114,9 @@ fn fit(points: &[[f64; 3]], shot: &Shot, slopes: [f64; 2]) -> (f64, [f64; 3]) {
 /// From where a shape is seen well: azimuth and elevation, in radians.
 fn direction_of(bulk: &Bulk, view: View) -> (f64, f64) {
     let extent: [f64; 3] = std::array::from_fn(|i| bulk.high[i] - bulk.low[i]);
+    if let (View::Overview, Some(Plane { azimuth, elevation })) = (view, plane::facing(&bulk.points)) {
+        return (azimuth, elevation);
+    }
     let across = extent[0].hypot(extent[1]).max(f64::MIN_POSITIVE);
     let (longest, share) = main_axis(&bulk.points);
     // A wall is seen from the front, turned a little so that it has depth; what
@@ -158,6 +163,8 @@ fn main_axis(points: &[[f64; 3]]) -> (f64, f64) {
 
 /// The points without leftovers far out.
 fn bulk(points: &[[f64; 3]]) -> Bulk {
+    let together = without_lone(points);
+    let points = together.as_slice();
     let mut bounds = [[0.0; 3]; 2];
     for axis in 0..3 {
         let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();

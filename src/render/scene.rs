@@ -22,6 +22,11 @@ const COVER: f64 = 0.75;
 /// Cells an axis in which a node's occupied space is counted.
 const CELLS: usize = 8;
 
+/// Points in an occupied cell below which they are no surface.
+const SCATTERED: f64 = 1.5;
+/// Cells that a surface through a node occupies at most, about.
+const SURFACE: usize = 3 * CELLS * CELLS;
+
 /// What is drawn, in memory.
 pub struct Scene {
     /// Node by node.
@@ -72,10 +77,11 @@ impl Scene {
         }
         // No splat is larger than a leaf of a cloud of a few points asks for.
         let largest = octree.least_spacing(0) * 32.0;
+        let all: u64 = regions.iter().map(|region| u64::from(region.points)).sum();
         let codes: Vec<u8> = chosen
             .iter()
             .zip(&regions)
-            .map(|(chosen, region)| radius_code(COVER * spacing(octree, chosen, region), largest))
+            .map(|(chosen, region)| radius_code(COVER * spacing(octree, chosen, region, all), largest))
             .collect();
         let mut splats = Vec::with_capacity(parts.iter().map(|part| part.0.len()).sum());
         for (part, places, _) in parts {
@@ -152,7 +158,7 @@ fn region_of(
 
 /// How far apart the points of a region are, in world units: a surface that
 /// passes through so many cells and holds so many points.
-fn spacing(octree: &Octree, chosen: &Chosen, region: &Region) -> f64 {
+fn spacing(octree: &Octree, chosen: &Chosen, region: &Region, all: u64) -> f64 {
     let level = octree.least_spacing(chosen.node.name.level());
     if region.points == 0 {
         return level;
@@ -161,7 +167,12 @@ fn spacing(octree: &Octree, chosen: &Chosen, region: &Region) -> f64 {
     let occupied: u32 = region.occupied.iter().map(|bits| bits.count_ones()).sum();
     let density = f64::from(region.points) / f64::from(occupied);
     let apart = cell * (POISSON_DENSITY / density).sqrt();
-    // A few points in a large node are stragglers, not a surface of big splats.
-    let trusted = 2.0 + f64::from(region.points.min(480)) / 16.0;
+    // A few points in a large node are stragglers, not a surface of big splats. So are
+    // those of which each has a cell to itself: noise, unless it is most of the cloud.
+    let is_scattered = density < SCATTERED || occupied as usize > SURFACE && density < 2.0 * SCATTERED;
+    let trusted = match is_scattered && u64::from(region.points) * 20 < all {
+        true => 1.0,
+        false => 2.0 + f64::from(region.points.min(480)) / 16.0,
+    };
     apart.clamp(level / 16.0, level * trusted.min(CELLS as f64 * 2.0))
 }

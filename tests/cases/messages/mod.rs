@@ -1,7 +1,10 @@
 //! What the command line, the log and the API tell.
 
 mod api;
+mod info;
 mod jobs;
+mod output;
+mod values;
 
 use std::path::Path;
 use std::process::{Command, Output};
