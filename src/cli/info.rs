@@ -144,8 +144,10 @@ fn levels(page: &mut Page, metadata: &Metadata, nodes: &[Node]) {
     };
     for level in (0..=deepest).map(Some).chain([None]) {
         let (count, leaves, points) = row(level);
-        let spacing =
-            level.map_or(String::new(), |level| format!("{:.6}", metadata.spacing / f64::from(level).exp2()));
+        let spacing = level.map_or(String::new(), |level| match metadata.spacing / f64::from(level).exp2() {
+            spacing if spacing.abs() >= 1e9 => words::number(spacing),
+            spacing => format!("{spacing:.6}"),
+        });
         let title = level.map_or("all".to_string(), |level| level.to_string());
         let (count, leaves, points) = (grouped(count), grouped(leaves), grouped(points));
         page.line(&title, format!("{spacing:>12} {count:>12} {leaves:>12} {points:>16}"));

@@ -262,8 +262,7 @@ async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
     if let Some(by) = job.superseded_by {
         text += &format!("replaced  by job {by}\n");
     }
-    // The queue of a daemon that is older than this program knows of none.
-    if let Some(preview) = store.previews(&[job.id]).await.unwrap_or_default().get(&job.id) {
+    if let Some(preview) = store.previews(&[job.id]).await?.get(&job.id) {
         let why = preview.error.as_deref().map(|error| format!(", {error}")).unwrap_or_default();
         text += &format!("preview   {}{why}\n", preview.state.name());
     }

@@ -70,15 +70,28 @@ fn pages() -> std::io::Result<Vec<(String, String)>> {
     let mut pages = vec![(NAME.to_string(), page(program.clone())?)];
     for command in program.get_subcommands().filter(|command| command.get_name() != "help") {
         let name = format!("{NAME}-{}", command.get_name());
-        pages.push((name.clone(), page(command.clone().display_name(name))?));
+        let command = command.clone().version(env!("CARGO_PKG_VERSION")).display_name(name.clone());
+        pages.push((name, page(command)?));
     }
     Ok(pages)
 }
 
 fn page(command: clap::Command) -> std::io::Result<String> {
     let mut page = Vec::new();
-    clap_mangen::Man::new(command).render(&mut page)?;
+    clap_mangen::Man::new(with_variables(command)).render(&mut page)?;
     Ok(String::from_utf8_lossy(&page).into_owned())
+}
+
+/// Tells of each flag which variable of the environment stands for it.
+fn with_variables(command: clap::Command) -> clap::Command {
+    let command = command.mut_args(|argument| {
+        let variable = argument.get_env().map(|name| format!(" [env: {}]", name.to_string_lossy()));
+        let (Some(variable), Some(help)) = (variable, argument.get_help().map(ToString::to_string)) else {
+            return argument;
+        };
+        argument.help(help + &variable)
+    });
+    command.mut_subcommands(with_variables)
 }
 
 fn write(folder: &std::path::Path, pages: &[(String, String)]) -> Exit {

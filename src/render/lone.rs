@@ -11,8 +11,9 @@ const FEW: usize = 4;
 const LEAST: usize = 64;
 /// A share of lone points beyond which they are the cloud.
 const MOST: f64 = 0.2;
-/// Halvings of the box's longest side that a grid may have.
-const DEEPEST: u32 = 20;
+/// Grids that are tried: each has as many more cells along the box's longest side than the
+/// one before as the third root of two says, a million at the most.
+const DEEPEST: u32 = 60;
 
 type Cell = [i32; 3];
 
@@ -40,7 +41,7 @@ impl<'p> Neighborhood<'p> {
         }
         // From fine to coarse by halves of the search, for crowds only grow.
         let grid = |level: u32| {
-            let scale = f64::from(1u32 << level) / side;
+            let scale = (f64::from(level) / 3.0).exp2() / side;
             let cell = |p: &[f64; 3]| std::array::from_fn(|i| ((p[i] - low[i]) * scale) as i32);
             let cells: Vec<Cell> = points.iter().map(cell).collect();
             let mut inside: HashMap<Cell, Vec<u32>> = HashMap::new();

@@ -22,7 +22,7 @@ pub fn facing(points: &[[f64; 3]]) -> Option<Plane> {
     let (values, axes) = principal(points)?;
     let [long, across, thin] = values.map(|value| value.max(0.0).sqrt());
     // A line has no face.
-    if across < 0.01 * long || thin > THIN * across {
+    if across <= 0.01 * long || thin > THIN * across {
         return None;
     }
     let normal = axes[2];

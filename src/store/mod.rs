@@ -35,7 +35,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{Connection, SqlSafeStr, Sqlite, Transaction};
+use sqlx::{Connection, Row, SqlSafeStr, Sqlite, Transaction};
 
 use crate::job::{Event, JobId, State};
 
@@ -60,6 +60,10 @@ pub enum StoreError {
     },
     #[error("there is no queue {}: {} (name the daemon's root folder by --root, LODESTONE_ROOT or the file of --config)", path.display(), obstacle(path).unwrap_or_else(|| "no daemon has worked here yet".to_string()))]
     Missing { path: PathBuf },
+    #[error("the queue {} is of version {found}, and this program needs {needed}: start its daemon once, which brings it up to date", path.display())]
+    Outdated { path: PathBuf, found: i64, needed: i64 },
+    #[error("{} is no queue of Lodestone's (name the daemon's root folder by --root)", path.display())]
+    NotAQueue { path: PathBuf },
     #[error("could not bring the queue {} up to date: {source} (it may have been written by a newer Lodestone)", path.display())]
     Migrate {
         path: PathBuf,
@@ -147,7 +151,12 @@ impl Store {
         {
             return Err(StoreError::Missing { path: path.to_path_buf() });
         }
-        Store::connect(path, false).await
+        let store = Store::connect(path, false).await?;
+        if let Err(error) = store.check_version().await {
+            store.close().await;
+            return Err(error);
+        }
+        Ok(store)
     }
 
     async fn connect(path: &Path, create: bool) -> Result<Store> {
@@ -189,6 +198,26 @@ impl Store {
         let migrator = Migrator::with_migrations(migrations);
         let failing = |source| StoreError::Migrate { path: self.path.clone(), source };
         migrator.run(&self.writer).await.map_err(failing)
+    }
+
+    /// Whether this program's queries fit the tables that are there.
+    async fn check_version(&self) -> Result<()> {
+        let path = self.path.clone();
+        let tables =
+            sqlx::query("SELECT count(*) AS tables FROM sqlite_master WHERE name = '_sqlx_migrations'")
+                .fetch_one(&self.readers)
+                .await
+                .map_err(|source| StoreError::Open { path: path.clone(), source })?;
+        if tables.try_get::<i64, _>("tables")? == 0 {
+            return Err(StoreError::NotAQueue { path });
+        }
+        let row =
+            sqlx::query("SELECT coalesce(max(version), 0) AS version FROM _sqlx_migrations WHERE success")
+                .fetch_one(&self.readers)
+                .await?;
+        let (found, needed) =
+            (row.try_get("version")?, MIGRATIONS.last().map_or(0, |(version, ..)| *version));
+        if found < needed { Err(StoreError::Outdated { path, found, needed }) } else { Ok(()) }
     }
 
     /// Closes all connections, so that the WAL is folded back into the file.

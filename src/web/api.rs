@@ -40,6 +40,8 @@ impl From<StoreError> for Refusal {
             StoreError::Illegal { .. } => StatusCode::CONFLICT,
             StoreError::Open { .. }
             | StoreError::Missing { .. }
+            | StoreError::Outdated { .. }
+            | StoreError::NotAQueue { .. }
             | StoreError::Migrate { .. }
             | StoreError::Query(_)
             | StoreError::Unknown { .. } => {

@@ -26,6 +26,8 @@ pub(super) async fn as_json(request: Request, next: Next) -> Response {
     let (mut parts, body) = answer.into_parts();
     let text = to_bytes(body, LONGEST).await.unwrap_or_default();
     let text = match String::from_utf8_lossy(&text).trim() {
+        // The limit's own words do not say of what.
+        _ if status == StatusCode::PAYLOAD_TOO_LARGE => explain(status, &method, &path),
         "" => explain(status, &method, &path),
         text => text.to_string(),
     };

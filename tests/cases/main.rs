@@ -16,6 +16,7 @@ mod inputs;
 mod laz;
 mod messages;
 mod page;
+mod pictures;
 mod served;
 mod sources;
 
