@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::error::{RenderError, Result};
-use super::lone::{Neighborhood, without_lone};
+use super::lone::Neighborhood;
 use super::octree::Octree;
 use super::palette;
 use super::sample::{Sample, percentile};
@@ -318,7 +318,7 @@ fn height(sample: &Sample) -> Painter {
 /// Lowest and highest of what does not stand alone: noise in the sky is not to take the
 /// colors.
 fn heights(sample: &Sample) -> (f64, f64) {
-    let mut heights: Vec<f64> = without_lone(&sample.positions).iter().map(|p| p[2]).collect();
+    let mut heights: Vec<f64> = sample.together.iter().map(|p| p[2]).collect();
     (percentile(&mut heights, 0.01), percentile(&mut heights, 0.99))
 }
 

@@ -5,7 +5,6 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::camera::{Shot, dot, focal};
-use super::lone::without_lone;
 use super::plane::{self, Plane};
 use super::sample::percentile;
 
@@ -163,8 +162,6 @@ fn main_axis(points: &[[f64; 3]]) -> (f64, f64) {
 
 /// The points without leftovers far out.
 fn bulk(points: &[[f64; 3]]) -> Bulk {
-    let together = without_lone(points);
-    let points = together.as_slice();
     let mut bounds = [[0.0; 3]; 2];
     for axis in 0..3 {
         let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();

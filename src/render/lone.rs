@@ -2,6 +2,7 @@
 //! neighbors, found on a grid as coarse as the cloud itself asks for.
 
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 
 /// Points in a cell and around it, in the middle of all, on the grid that is used.
 const CROWD: usize = 24;
@@ -16,13 +17,36 @@ const MOST: f64 = 0.2;
 const DEEPEST: u32 = 60;
 
 type Cell = [i32; 3];
+type Cells = HashMap<u64, Vec<u32>, BuildHasherDefault<Mixed>>;
+
+/// A cell in one number; coordinates reach from -1 to a million.
+fn key([x, y, z]: Cell) -> u64 {
+    let part = |c: i32| (c + 1) as u64;
+    part(x) | part(y) << 21 | part(z) << 42
+}
+
+/// One multiplication mixes well enough what no stranger chooses for its hash.
+#[derive(Default)]
+struct Mixed(u64);
+
+impl Hasher for Mixed {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u64(u64::from(*byte)));
+    }
+    fn write_u64(&mut self, number: u64) {
+        self.0 = (self.0 ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(26);
+    }
+}
 
 /// A cloud on a grid whose cells a usual point shares with some others.
 pub struct Neighborhood<'p> {
     points: &'p [[f64; 3]],
     cells: Vec<Cell>,
     /// Points by cell.
-    inside: HashMap<Cell, Vec<u32>>,
+    inside: Cells,
 }
 
 impl<'p> Neighborhood<'p> {
@@ -44,9 +68,9 @@ impl<'p> Neighborhood<'p> {
             let scale = (f64::from(level) / 3.0).exp2() / side;
             let cell = |p: &[f64; 3]| std::array::from_fn(|i| ((p[i] - low[i]) * scale) as i32);
             let cells: Vec<Cell> = points.iter().map(cell).collect();
-            let mut inside: HashMap<Cell, Vec<u32>> = HashMap::new();
+            let mut inside = Cells::default();
             for (n, cell) in (0u32..).zip(&cells) {
-                inside.entry(*cell).or_default().push(n);
+                inside.entry(key(*cell)).or_default().push(n);
             }
             Neighborhood { points, cells, inside }
         };
@@ -73,7 +97,7 @@ impl<'p> Neighborhood<'p> {
     /// The points of a point's cell and of those that touch it.
     fn around(&self, point: usize) -> impl Iterator<Item = &Vec<u32>> {
         let [x, y, z] = self.cells[point];
-        (0..27).filter_map(move |n| self.inside.get(&[x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]))
+        (0..27).filter_map(move |n| self.inside.get(&key([x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1])))
     }
 
     /// Which points stand alone; none where they are so many that they are the cloud.
@@ -100,7 +124,21 @@ impl<'p> Neighborhood<'p> {
 pub fn without_lone(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let Some(neighborhood) = Neighborhood::of(points) else { return points.to_vec() };
     let lone = neighborhood.lone();
-    points.iter().zip(lone).filter(|(_, lone)| !lone).map(|(point, _)| *point).collect()
+    let together: Vec<[f64; 3]> =
+        points.iter().zip(lone).filter(|(_, lone)| !lone).map(|(point, _)| *point).collect();
+    // Where all others are in one place, the lone ones are what there is to see.
+    if longest_side(&together) < SPECK * longest_side(points) { points.to_vec() } else { together }
+}
+
+/// A cloud this small in what its lone points span is a place in it.
+const SPECK: f64 = 1e-3;
+
+fn longest_side(points: &[[f64; 3]]) -> f64 {
+    let side = |axis: usize| {
+        let along = points.iter().map(|point| point[axis]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(side).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -127,6 +165,9 @@ mod tests {
         assert_eq!(without_lone(&ground(9000)).len(), 9000);
         assert_eq!(without_lone(&ground(50)).len(), 50);
         assert_eq!(without_lone(&vec![[7.0; 3]; 500]).len(), 500);
+        // A crowd at one place, and a few points that are all the rest.
+        let crowd = [vec![[0.0; 3]; 9000], ground(60)].concat();
+        assert_eq!(without_lone(&crowd).len(), 9060);
         // A dense yard in wide country.
         let mut points = ground(6000);
         points.iter_mut().for_each(|p| *p = p.map(|c| c * 0.05));

@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 
 use super::error::{RenderError, Result};
+use super::lone::without_lone;
 use super::octree::Octree;
 use crate::format::potree::NodeName;
 
@@ -15,6 +16,8 @@ const ENOUGH_NODES: usize = 512;
 pub struct Sample {
     /// World positions; finite.
     pub positions: Vec<[f64; 3]>,
+    /// Those of them that do not stand alone: what is looked at.
+    pub together: Vec<[f64; 3]>,
     /// Records of each node looked at.
     nodes: Vec<Vec<u8>>,
     record_size: usize,
@@ -24,7 +27,8 @@ impl Sample {
     /// Reads from the root down until there is enough to judge by.
     pub fn take(octree: &mut Octree) -> Result<Sample> {
         let record_size = octree.schema.record_size();
-        let mut sample = Sample { positions: Vec::new(), nodes: Vec::new(), record_size };
+        let mut sample =
+            Sample { positions: Vec::new(), together: Vec::new(), nodes: Vec::new(), record_size };
         let mut waiting = VecDeque::from([NodeName::ROOT]);
         let mut seen = 0;
         while let Some(name) = waiting.pop_front() {
@@ -43,6 +47,7 @@ impl Sample {
             }
             waiting.extend((0..8).filter(|d| node.child_mask >> d & 1 == 1).filter_map(|d| name.child(d)));
         }
+        sample.together = without_lone(&sample.positions);
         match sample.positions.is_empty() {
             true => Err(RenderError::NotFinite { folder: octree.folder.clone() }),
             false => Ok(sample),

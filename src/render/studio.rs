@@ -178,9 +178,9 @@ impl Studio {
         self.ceiling.filter(|_| opens).unwrap_or(f64::INFINITY)
     }
 
-    /// The points of the first look that are shown.
+    /// The points of the first look that are shown, without lone ones.
     fn below(&self, top: f64) -> Vec<[f64; 3]> {
-        self.sample.positions.iter().filter(|p| p[2] <= top).copied().collect()
+        self.sample.together.iter().filter(|p| p[2] <= top).copied().collect()
     }
 
     fn set(&mut self, shots: &[Shot], size: [u32; 2], top: f64, quality: &Quality) -> Result<Set> {

@@ -183,6 +183,14 @@ fn lone_noise_takes_neither_the_frame_nor_the_colors() {
 }
 
 #[test]
+fn a_crowd_at_one_place_hides_nothing() {
+    let mut points = field(60, |_, _| (0, [0; 3]));
+    points.extend(std::iter::repeat_n(([5000.0, 5000.0, 9.0], 0, [0; 3]), 3000));
+    let (_, picture) = picture(&points);
+    assert!(solid(&picture).len() > 50, "{}", solid(&picture).len());
+}
+
+#[test]
 fn stray_points_are_no_large_discs() {
     // A road of points, and strays beside it that are no lone ones in its frame.
     let mut points = field(40_000, |_, _| (0, [0; 3]));
