@@ -7,6 +7,7 @@
 //! files while they are read. Maps are for files that we wrote ourselves and
 //! that nobody changes.
 
+mod lock;
 pub mod others;
 mod replace;
 
@@ -17,10 +18,10 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
-use std::time::Duration;
 
 use rustix::fs::Advice;
 
+pub use lock::DirLock;
 use others::Links;
 pub use replace::inode;
 
@@ -164,24 +165,6 @@ impl Disk {
         }
     }
 
-    /// Locks a folder for this process, as long as the lock is kept and whatever
-    /// the folder is called by then; nothing where another process has it. The
-    /// lock ends with the process, however that ends.
-    pub fn try_lock_dir(&self, path: &Path) -> Result<Option<DirLock>> {
-        use rustix::fs::{FlockOperation, flock};
-        let folder = File::open(path).map_err(|e| DiskError::new("open", path, e))?;
-        // A process that is just being started (a hook) holds all that its parent
-        // had open, until it is on its own feet: a moment of patience.
-        for _ in 0..LOCK_TRIES {
-            match flock(&folder, FlockOperation::NonBlockingLockExclusive) {
-                Ok(()) => return Ok(Some(DirLock { _folder: folder })),
-                Err(rustix::io::Errno::WOULDBLOCK) => std::thread::sleep(LOCK_PAUSE),
-                Err(errno) => return Err(DiskError::new("lock", path, errno.into())),
-            }
-        }
-        Ok(None)
-    }
-
     /// Empties a folder, which stays, or makes it.
     pub fn empty_dir(&self, path: &Path) -> Result<()> {
         self.create_dir_all(path)?;
@@ -252,15 +235,6 @@ impl Disk {
             .map_err(|e| DiskError::new("ask the free space of", existing, e.into()))?;
         Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
     }
-}
-
-const LOCK_TRIES: u32 = 25;
-const LOCK_PAUSE: Duration = Duration::from_millis(20);
-
-/// A lock on a folder; dropping it lets go.
-#[derive(Debug)]
-pub struct DirLock {
-    _folder: File,
 }
 
 /// A file open for positioned reads and writes, from several threads at once.

@@ -292,8 +292,7 @@ fn two_conversions_never_make_the_same_octree_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let (input, options) = (cloud(folder.path(), false), named(Encoding::Default, Sampling::Poisson));
     let staging = folder.path().join(".octree.building");
-    fs::create_dir(&staging).unwrap();
-    let lock = Disk::new().try_lock_dir(&staging).unwrap().expect("free");
+    let lock = Disk::new().lock_dir(&staging).unwrap().expect("free");
     let request = request(&[input], &folder.path().join("octree"), &options);
     let error = conduct::convert(&request, &context(folder.path(), 2, 1 << 30)).unwrap_err();
     assert!(error.to_string().contains("another conversion is at work"), "{error}");

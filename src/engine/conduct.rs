@@ -2,7 +2,9 @@
 //! it made. Both `lodestone convert` and the daemon come through here.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::PathBuf;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -105,6 +107,18 @@ impl ConductError {
         self.0.retry_can_help()
     }
 
+    /// Whether something of ours is not there any more: somebody removed one of
+    /// these folders, or what was in it, while we worked.
+    pub fn lost_what_was_in(&self, folders: &[&Path]) -> bool {
+        match &self.0 {
+            StageError::Disk(error) => {
+                error.source.kind() == io::ErrorKind::NotFound
+                    && folders.iter().any(|folder| error.path.starts_with(folder))
+            }
+            _ => folders.iter().any(|folder| !folder.is_dir()),
+        }
+    }
+
     pub fn is_cancelled(&self) -> bool {
         matches!(self.0, StageError::Cancelled)
     }
@@ -119,19 +133,32 @@ pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductE
         .num_threads(context.threads)
         .thread_name(|i| format!("convert-{i}"))
         .build()
-        .map_err(|e| StageError::Inconsistent(format!("no threads could be started: {e}")))?;
+        .map_err(|e| StageError::NoThreads(e.to_string()))?;
     // What is logged on the pool's threads is about the same job as on this one.
     let span = tracing::Span::current();
-    let mut outcome = pool.install(|| span.in_scope(|| run_once(request, context)));
-    if let Err(Ended { error, resumed: true }) = &outcome
-        && matches!(error, StageError::Inconsistent(_) | StageError::InputChanged(_))
-    {
+    let goes_on = units_done(&context.scratch) > 0;
+    // Unwind safety: what a run leaves behind it clears when it is dropped, and its
+    // progress and cancel flag are plain atomics.
+    let run_in_pool = || pool.install(|| span.in_scope(|| run_once(request, context)));
+    let run = || catch_unwind(AssertUnwindSafe(run_in_pool));
+    let mut outcome = run();
+    let in_vain = match &outcome {
+        Ok(Err(Ended { error, resumed: true })) => {
+            matches!(error, StageError::Inconsistent(_) | StageError::InputChanged(_))
+                .then(|| error.to_string())
+        }
+        Err(_) if goes_on => Some("it panicked".to_string()),
+        _ => None,
+    };
+    if let Some(error) = in_vain {
         // What an earlier run left was not what its receipts said, though it
-        // looked so. Its remains are gone now; this time from the beginning.
-        tracing::warn!(%error, "could not go on from an earlier run; beginning anew");
-        outcome = pool.install(|| span.in_scope(|| run_once(request, context)));
+        // looked so, as after a disk that went away and came back. Its remains
+        // are gone now; this time from the beginning.
+        tracing::warn!(error, "could not go on from an earlier run; beginning anew");
+        context.disk.remove_dir_all(&context.scratch).map_err(StageError::from)?;
+        outcome = run();
     }
-    Ok(outcome.map_err(|ended| ended.error)?)
+    Ok(outcome.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|ended| ended.error)?)
 }
 
 struct Ended {
@@ -145,7 +172,7 @@ fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
     let result = run_stages(request, context, &mut traces);
     let resumed = traces.resumed;
     match &result {
-        Ok(_) if request.keep_scratch => traces.folders.truncate(1),
+        Ok(_) if request.keep_scratch => traces.folders.clear(),
         Ok(_) => {}
         Err(error) if may_go_on(error) && units_done(&context.scratch) > 0 => traces.folders.clear(),
         Err(_) => {}
@@ -167,7 +194,7 @@ fn may_go_on(error: &StageError) -> bool {
 /// What a conversion leaves behind if nobody takes it away; also when it panics.
 struct Traces {
     disk: Disk,
-    /// Staging, then scratch; empty until they are ours.
+    /// Staging until the octree has its name, and scratch; empty until they are ours.
     folders: Vec<PathBuf>,
     /// Whether receipts of an earlier run were taken up.
     resumed: bool,
@@ -181,15 +208,28 @@ impl Traces {
     }
 
     fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>, context: &Context) {
-        self.folders = vec![staging.folder.clone(), context.scratch.clone()];
+        self.folders = vec![staging.folder.clone()];
+        // Without a scratch folder of our own that name may be another's soon.
+        self.folders.extend(scratch.map(|_| context.scratch.clone()));
         self.locks.push(staging.lock.clone());
         self.locks.extend(scratch.map(|scratch| scratch.lock.clone()));
     }
 }
 
+impl Traces {
+    /// That name is free now for whoever converts to the same output next, and the
+    /// octree for whoever replaces it.
+    fn published(&mut self, staging: Staging) {
+        self.folders.retain(|folder| *folder != staging.folder);
+        self.locks.retain(|lock| !Arc::ptr_eq(lock, &staging.lock));
+    }
+}
+
 impl Drop for Traces {
     fn drop(&mut self) {
-        for folder in &self.folders {
+        // By now another conversion may have a folder of that name.
+        let ours = |folder: &&PathBuf| self.locks.iter().any(|lock| lock.is_at(folder));
+        for folder in self.folders.iter().filter(ours) {
             if let Err(error) = self.disk.remove_dir_all(folder) {
                 tracing::warn!(%error, "left something behind");
             }
@@ -296,6 +336,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         scratch.sync()?;
     }
     publish::swap_in(disk, &staging.folder, &request.output, request.overwrite)?;
+    traces.published(staging);
     context.progress.begin(Stage::Done, survey.points);
     context.progress.advance(survey.points);
     Ok(outcome)

@@ -47,6 +47,11 @@ pub enum StageError {
         "another conversion is at work in {}; wait until it has ended, or choose another output", .0.display()
     )]
     Busy(PathBuf),
+    #[error(
+        "no threads could be started: {0}; there are too many processes or threads (`ulimit -u`, `TasksMax=` of \
+         the unit, `pids.max` of the container)"
+    )]
+    NoThreads(String),
     #[error("the conversion was stopped on request")]
     Cancelled,
     #[error("a check before publishing failed: {0}. Nothing was published; this is a bug, please report it")]
@@ -80,6 +85,7 @@ impl StageError {
             StageError::InputChanged(_)
             | StageError::NoRoom { .. }
             | StageError::Busy(_)
+            | StageError::NoThreads(_)
             | StageError::Cancelled => true,
             StageError::Las(error) | StageError::Damaged { error, .. } => error.may_pass(),
             StageError::Inputs(_)

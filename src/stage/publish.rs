@@ -141,8 +141,11 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
 
 /// Puts the finished folder in its place; an older octree only where it may.
 pub fn swap_in(disk: &Disk, staging: &Path, output: &Path, overwrite: bool) -> Result<()> {
-    if !overwrite && output.symlink_metadata().is_ok() {
-        return Err(StageError::OutputExists(output.to_path_buf()));
+    if overwrite {
+        return Ok(disk.replace_dir(staging, output)?);
     }
-    Ok(disk.replace_dir(staging, output)?)
+    match disk.put_where_nothing_is(staging, output)? {
+        true => Ok(()),
+        false => Err(StageError::OutputExists(output.to_path_buf())),
+    }
 }

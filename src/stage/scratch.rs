@@ -51,8 +51,7 @@ impl Scratch {
     /// Opens the folder of a conversion, or makes it. What another conversion,
     /// another program or other options left in it is cleared.
     pub fn open(disk: &Disk, folder: PathBuf, identity: Identity) -> Result<Scratch> {
-        disk.create_dir_all(&folder)?;
-        let lock = disk.try_lock_dir(&folder)?.ok_or_else(|| StageError::Busy(folder.clone()))?;
+        let lock = disk.lock_dir(&folder)?.ok_or_else(|| StageError::Busy(folder.clone()))?;
         let (journal, past) = Journal::open(disk, &folder.join(JOURNAL), identity)?;
         let mut scratch = Scratch {
             disk: disk.clone(),

@@ -43,11 +43,9 @@ pub struct Staging {
 impl Staging {
     pub fn open(disk: &Disk, output: &Path) -> Result<Staging> {
         let folder = staging_folder(output);
-        disk.create_dir_all(&folder)?;
-        match disk.try_lock_dir(&folder)? {
-            Some(lock) => Ok(Staging { folder, lock: Arc::new(lock) }),
-            None => Err(StageError::Busy(folder)),
-        }
+        let lock = disk.lock_dir(&folder)?.ok_or_else(|| StageError::Busy(folder.clone()))?;
+        disk.clear_replaced(&folder)?;
+        Ok(Staging { folder, lock: Arc::new(lock) })
     }
 
     /// Whether as much of octree.bin is here as receipts vouch for.
