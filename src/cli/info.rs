@@ -10,8 +10,10 @@ use std::path::{Path, PathBuf};
 use super::{Exit, grouped, output};
 use crate::cloud::attribute::Scalar;
 use crate::format::las::{Header, LasFile};
-use crate::format::potree::{self, Metadata, MetadataAttribute, Node};
-use crate::words;
+use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
+use crate::format::potree::{self, Metadata, MetadataAttribute, Node, files};
+use crate::stage::machine::default_memory_limit;
+use crate::words::{self, Plain};
 
 /// Describe an octree or a LAS/LAZ file
 #[derive(Debug, clap::Args)]
@@ -47,9 +49,9 @@ fn of_las(path: &Path, header: &Header, as_json: bool) -> String {
 
 fn of_octree(folder: &Path, as_json: bool) -> potree::Result<String> {
     let metadata = Metadata::read(folder)?;
-    let path = folder.join(potree::HIERARCHY);
-    let hierarchy = fs::read(&path).map_err(|source| potree::PotreeError::Read { path, source })?;
-    let nodes = potree::read_hierarchy(&hierarchy, metadata.hierarchy.first_chunk_size)?;
+    let (hierarchy, length) = files::open(folder, potree::HIERARCHY)?;
+    let first = metadata.hierarchy.first_chunk_size;
+    let (nodes, _) = inspect_hierarchy_file(&hierarchy, length, first, most_nodes(default_memory_limit()))?;
     Ok(match as_json {
         true => pretty(&json::octree(folder, &metadata, &nodes)),
         false => octree_page(folder, &metadata, &nodes),
@@ -67,7 +69,7 @@ struct Page(String);
 impl Page {
     fn line(&mut self, title: &str, text: impl fmt::Display) {
         // Writing to a string cannot fail.
-        let _ = writeln!(self.0, "{title:<14} {text}");
+        let _ = writeln!(self.0, "{title:<14} {}", Plain(text));
     }
 
     /// A text of several lines, under one title.

@@ -4,6 +4,8 @@
 
 use std::collections::HashMap;
 use std::fs::File;
+use std::io::BufReader;
+use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,9 +13,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::error::{RenderError, Result};
 use crate::cloud::attribute::Schema;
 use crate::format::crs;
+use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::{
-    self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, encoding::LARGEST_NODE,
+    self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, files,
 };
+
+/// Nodes that are held at a time, from as many chunks as were looked at; pictures
+/// look at some thousands.
+const MOST_NODES: usize = 1 << 20;
+/// Bytes of a node's points, unpacked; a node of millions of points is of no use to a
+/// viewer.
+const MOST_UNPACKED: u64 = 64 << 20;
 
 /// An octree that is open for reading.
 pub struct Octree {
@@ -25,6 +35,9 @@ pub struct Octree {
     hierarchy: File,
     hierarchy_bytes: u64,
     points: File,
+    points_bytes: u64,
+    /// Parts of octree.bin that were never written.
+    holes: Vec<Range<u64>>,
     nodes: HashMap<NodeName, Node>,
     proxies: HashMap<NodeName, Proxy>,
     /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
@@ -54,9 +67,10 @@ impl Octree {
     pub fn open(folder: &Path) -> Result<Octree> {
         let of_octree = |source| RenderError::Octree { folder: folder.to_path_buf(), source };
         let metadata = Metadata::read(folder).map_err(of_octree)?;
+        metadata.check_numbers().map_err(of_octree)?;
         let schema = metadata.schema().map_err(of_octree)?;
-        let (hierarchy, hierarchy_bytes) = open(&folder.join(potree::HIERARCHY))?;
-        let (points, _) = open(&folder.join(potree::OCTREE))?;
+        let (hierarchy, hierarchy_bytes) = files::open(folder, potree::HIERARCHY).map_err(of_octree)?;
+        let (points, points_bytes) = files::open(folder, potree::OCTREE).map_err(of_octree)?;
         let first = Proxy::first(metadata.hierarchy.first_chunk_size);
         let octree = Octree {
             folder: folder.to_path_buf(),
@@ -65,7 +79,9 @@ impl Octree {
             schema,
             hierarchy,
             hierarchy_bytes,
+            holes: files::holes(&points, points_bytes),
             points,
+            points_bytes,
             nodes: HashMap::new(),
             proxies: HashMap::from([(NodeName::ROOT, first)]),
             unclaimed: hierarchy_bytes,
@@ -81,16 +97,20 @@ impl Octree {
     /// hierarchy where that was not looked at yet.
     pub fn node(&mut self, name: NodeName) -> Result<Option<Node>> {
         if let Some(proxy) = self.proxies.remove(&name) {
-            let records = self.chunk_bytes(&proxy)?;
+            self.claim(&proxy)?;
+            let records = BufReader::new(files::From { file: &self.hierarchy, at: proxy.start });
+            let most = MOST_NODES.saturating_sub(self.nodes.len());
             let (nodes, proxies) =
-                potree::read_chunk(&proxy, &records).map_err(|source| self.damaged(source))?;
+                potree::read_chunk(&proxy, records, most).map_err(|source| self.damaged(source))?;
+            self.bytes_read.fetch_add(proxy.size, Ordering::Relaxed);
             self.nodes.extend(nodes.into_iter().map(|node| (node.name, node)));
             self.proxies.extend(proxies.into_iter().map(|proxy| (proxy.name, proxy)));
         }
         Ok(self.nodes.get(&name).copied())
     }
 
-    fn chunk_bytes(&mut self, proxy: &Proxy) -> Result<Vec<u8>> {
+    /// No two chunks have the same bytes, or chunks in circles would never end.
+    fn claim(&mut self, proxy: &Proxy) -> Result<()> {
         let end = proxy.start.checked_add(proxy.size);
         let left = self.unclaimed.checked_sub(proxy.size);
         let (Some(left), true) = (left, end.is_some_and(|end| end <= self.hierarchy_bytes)) else {
@@ -98,12 +118,7 @@ impl Octree {
             return Err(self.damaged(PotreeError::Hierarchy(what)));
         };
         self.unclaimed = left;
-        let mut bytes = vec![0; proxy.size as usize];
-        self.hierarchy
-            .read_exact_at(&mut bytes, proxy.start)
-            .map_err(|source| RenderError::Read { path: self.folder.join(potree::HIERARCHY), source })?;
-        self.bytes_read.fetch_add(proxy.size, Ordering::Relaxed);
-        Ok(bytes)
+        Ok(())
     }
 
     /// The records of the first `take` points of a node as it is stored.
@@ -113,12 +128,24 @@ impl Octree {
             Encoding::Default => u64::from(take.min(node.points)) * self.schema.record_size() as u64,
             Encoding::Brotli => node.size,
         };
-        if size > LARGEST_NODE || size > node.size {
-            let what =
-                format!("node {} is said to hold {} points in {} bytes", node.name, node.points, node.size);
+        let end = node.offset.checked_add(node.size);
+        let unpacked = unpacked_size(&self.schema, self.metadata.encoding, take.min(node.points));
+        if !is_believable(&self.schema, self.metadata.encoding, node.points, node.size)
+            || unpacked > MOST_UNPACKED
+            || end.is_none_or(|end| end > self.points_bytes)
+            || self
+                .holes
+                .iter()
+                .any(|hole| hole.start < node.offset.saturating_add(size) && node.offset < hole.end)
+        {
+            let (name, points, size, bytes) = (node.name, node.points, node.size, self.points_bytes);
+            let what = format!(
+                "node {name} is said to hold {points} points in {size} bytes of the {bytes} of octree.bin, \
+                 which is not believable"
+            );
             return Err(self.damaged(PotreeError::Points(what)));
         }
-        let mut bytes = vec![0; size as usize];
+        let mut bytes = files::zeroed(size).map_err(|source| self.damaged(source))?;
         self.points
             .read_exact_at(&mut bytes, node.offset)
             .map_err(|source| RenderError::Read { path: self.folder.join(potree::OCTREE), source })?;
@@ -182,11 +209,4 @@ impl Octree {
         let unit = self.unit.iter().copied().fold(0.0, f64::max);
         self.metadata.spacing * unit / 2f64.powi(i32::from(level))
     }
-}
-
-fn open(path: &Path) -> Result<(File, u64)> {
-    let failed = |source| RenderError::Read { path: path.to_path_buf(), source };
-    let file = File::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
-    Ok((file, length))
 }

@@ -10,6 +10,8 @@ use crate::format::potree::NodeName;
 /// Points that are enough of a look, and nodes that are enough of a search.
 const ENOUGH_POINTS: usize = 20_000;
 const ENOUGH_NODES: usize = 512;
+/// Positions taken of one node at most, about.
+const MOST_POSITIONS: usize = 1_000_000;
 
 /// The points of the coarsest nodes.
 pub struct Sample {
@@ -37,7 +39,10 @@ impl Sample {
                 if octree.has_prefixes() { node.points.min(ENOUGH_POINTS as u32) } else { node.points };
             if take > 0 {
                 let records = octree.records(&node, take)?;
-                let positions = records.chunks_exact(record_size).map(|record| octree.position(record));
+                // Of a node far larger than any sample, some points are as good as all.
+                let step = (records.len() / record_size / MOST_POSITIONS).max(1);
+                let looked_at = records.chunks_exact(record_size).step_by(step);
+                let positions = looked_at.map(|record| octree.position(record));
                 sample.positions.extend(positions.filter(|p| p.iter().all(|c| c.is_finite())));
                 sample.nodes.push(records);
             }

@@ -11,6 +11,7 @@ mod colours;
 mod cube;
 mod digest;
 mod inputs;
+mod limits;
 mod mapping;
 mod octree;
 mod promises;
@@ -67,7 +68,7 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
         true => Vec::new(),
         false => expand(&request.against)?,
     };
-    let mut octree = match Octree::open(&request.octree) {
+    let mut octree = match Octree::open(&request.octree, request.memory_limit) {
         Opened::Whole(octree) => octree,
         Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
         Opened::Nothing(error) => return Ok(unreadable(request, None, &error)),

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::words::Plain;
+
 /// How many examples of a fault are kept.
 pub const EXAMPLES: usize = 5;
 
@@ -169,8 +171,8 @@ impl fmt::Display for Report {
         writeln!(
             f,
             "{} ({})",
-            self.octree.display(),
-            if self.name.is_empty() { "no name" } else { &self.name }
+            Plain(self.octree.display()),
+            Plain(if self.name.is_empty() { "no name" } else { &self.name })
         )?;
         let (points, nodes) = (grouped(self.points), grouped(self.nodes));
         let levels = self.depth + 1;
@@ -204,9 +206,9 @@ fn write_checks(f: &mut fmt::Formatter<'_>, checks: &[Check]) -> fmt::Result {
             Outcome::Skipped => "-",
             Outcome::Wrong => "WRONG",
         };
-        writeln!(f, "  {outcome:<6} {:<11} {}", check.name, check.summary)?;
+        writeln!(f, "  {outcome:<6} {:<11} {}", check.name, Plain(&check.summary))?;
         for example in &check.examples {
-            writeln!(f, "         {:<11} {example}", "")?;
+            writeln!(f, "         {:<11} {}", "", Plain(example))?;
         }
         if check.count > check.examples.len() as u64 && !check.examples.is_empty() {
             writeln!(f, "         {:<11} ...", "")?;

@@ -14,6 +14,9 @@ const GRID: i32 = 7;
 /// fit into 129³ such cubes.
 pub const MOST_POINTS: u32 = 3_050_000;
 
+/// Comparisons a point, on average, after which pairs are no longer counted.
+const MOST_NEIGHBORS: u64 = 200;
+
 /// When two points are too close.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Limit {
@@ -39,7 +42,9 @@ impl Limit {
     fn cell(self, axis: usize) -> i64 {
         match self {
             Limit::Units(squared) => squared.isqrt().max(1) as i64,
-            Limit::World { scale, squared } => ((squared.sqrt() / scale[axis]).ceil() as i64 + 1).max(1),
+            Limit::World { scale, squared } => {
+                ((squared.sqrt() / scale[axis]).ceil() as i64).saturating_add(1).max(1)
+            }
         }
     }
 
@@ -64,6 +69,8 @@ impl Limit {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TooClose {
     pub pairs: u64,
+    /// Whether there may be more of them: in a crowd not all are counted.
+    pub more: bool,
     /// As [`Limit`] measures it.
     pub closest: f64,
     pub example: [[i32; 3]; 2],
@@ -85,9 +92,17 @@ pub fn too_close(positions: &[[i32; 3]], corner: [i64; 3], limit: Limit) -> TooC
     sorted.sort_unstable();
     let mut found = TooClose { closest: f64::INFINITY, ..TooClose::default() };
     let mut cursors = [0usize; ROWS.len()];
+    // Points that keep the spacing have few neighbors; to count all pairs of a crowd
+    // takes the square of its size.
+    let mut left = (sorted.len() as u64).saturating_mul(MOST_NEIGHBORS).saturating_add(1_000_000);
     for (index, &(key, position)) in sorted.iter().enumerate() {
         let mut compare = |others: &[(u128, [i32; 3])], last: u128| {
             for (_, other) in others.iter().take_while(|(key, _)| *key <= last) {
+                if left == 0 {
+                    found.more = true;
+                    return;
+                }
+                left -= 1;
                 let Some(distance) = limit.violation(position, *other) else { continue };
                 found.pairs += 1;
                 if distance < found.closest {

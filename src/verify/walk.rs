@@ -168,7 +168,8 @@ fn hold_to_rule(
                 let [a, b] = found.example;
                 crowded.add_many(found.pairs, index, || {
                     format!(
-                        "{name}: {} pairs, closest {closest:.6} < {spacing:.6} ({a:?}, {b:?})",
+                        "{name}: {}{} pairs, closest {closest:.6} < {spacing:.6} ({a:?}, {b:?})",
+                        if found.more { "at least " } else { "" },
                         found.pairs
                     )
                 });

@@ -7,6 +7,7 @@
 use std::io::Read;
 
 use super::error::{PotreeError, Result};
+use super::files;
 use super::metadata::Encoding;
 use super::morton;
 use crate::cloud::attribute::{Attribute, Scalar, Schema};
@@ -14,6 +15,38 @@ use crate::cloud::attribute::{Attribute, Scalar, Schema};
 /// Bytes of a decoded node beyond which it is not believed. A node that large
 /// (some 25 million points) is of no use to a viewer.
 pub const LARGEST_NODE: u64 = 1 << 30;
+
+/// A decoded node of up to so many bytes is believed whatever it is packed into: a
+/// crowd of equal points packs to next to nothing.
+const ALWAYS_BELIEVED: u64 = 64 << 20;
+/// Beyond that, bytes that a byte of a brotli stream may stand for. Points differ in
+/// their positions at least: real nodes stay below 100.
+pub const MOST_RATIO: u64 = 4096;
+
+/// Bytes of a node's points as they are when its stream is unpacked.
+pub fn unpacked_size(schema: &Schema, encoding: Encoding, points: u32) -> u64 {
+    let width: usize = match encoding {
+        Encoding::Default => schema.record_size(),
+        Encoding::Brotli => columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum(),
+    };
+    u64::from(points).saturating_mul(width as u64)
+}
+
+/// Whether `points` points can be stored in `stored` bytes, and are worth the memory
+/// of unpacking them.
+pub fn is_believable(schema: &Schema, encoding: Encoding, points: u32, stored: u64) -> bool {
+    let unpacked = unpacked_size(schema, encoding, points);
+    match encoding {
+        Encoding::Default => stored == unpacked,
+        Encoding::Brotli if points == 0 || stored == 0 => points == 0 && stored == 0,
+        // What cannot be packed grows by some bytes a block.
+        Encoding::Brotli => {
+            stored <= unpacked + unpacked / 256 + 1024
+                && unpacked <= LARGEST_NODE
+                && unpacked <= stored.saturating_mul(MOST_RATIO).max(ALWAYS_BELIEVED)
+        }
+    }
+}
 
 /// How an attribute's values stand in a BROTLI column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -150,8 +183,8 @@ pub fn decode_node(schema: &Schema, encoding: Encoding, points: u32, bytes: &[u8
         Encoding::Brotli if points == 0 && bytes.is_empty() => Ok(Vec::new()),
         Encoding::Brotli => {
             let count = points as usize;
-            let columns_bytes = decompress(schema, count, bytes)?;
-            let mut records = vec![0; count * record_size];
+            let columns_bytes = decompress(schema, points, bytes)?;
+            let mut records = files::zeroed(u64::from(points).saturating_mul(record_size as u64))?;
             let mut rest = columns_bytes.as_slice();
             for (column, start, attribute) in columns(schema) {
                 let (values, behind) = rest.split_at(count * column.width(attribute));
@@ -182,13 +215,21 @@ fn put_value(column: Column, value: &[u8], into: &mut [u8]) {
 
 /// The columns of a node. Memory grows with what the stream really holds, up to
 /// what the number of points asks for.
-fn decompress(schema: &Schema, points: usize, bytes: &[u8]) -> Result<Vec<u8>> {
-    let width: usize = columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum();
-    let expected = (points as u64).saturating_mul(width as u64);
-    if expected > LARGEST_NODE {
-        return Err(damaged(format!("it is said to hold {points} points, more than is believable")));
+fn decompress(schema: &Schema, points: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+    let expected = unpacked_size(schema, Encoding::Brotli, points);
+    if !is_believable(schema, Encoding::Brotli, points, bytes.len() as u64) {
+        let stored = bytes.len();
+        return Err(damaged(format!(
+            "{points} points in {stored} bytes of a brotli stream are not believable"
+        )));
+    }
+    // Windows of more than 16 MiB are an extension that no viewer reads.
+    if bytes.first().is_some_and(|first| first & 0x7F == 0x11) {
+        return Err(damaged("its brotli stream asks for a window that is too large".to_string()));
     }
     let mut columns_bytes = Vec::new();
+    let memory = columns_bytes.try_reserve_exact(expected as usize + 1);
+    memory.map_err(|_| damaged(format!("there is no memory for {expected} bytes of a node")))?;
     let mut stream = brotli::Decompressor::new(bytes, 4096);
     let read = (&mut stream).take(expected + 1).read_to_end(&mut columns_bytes);
     read.map_err(|error| damaged(format!("its brotli stream does not decode ({error})")))?;

@@ -5,7 +5,12 @@
 //! proxies that point at the chunk of their own. Names are nowhere: they follow
 //! from the child masks, so a wrong mask moves points to other places.
 
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufReader, Read};
+
 use super::error::{PotreeError, Result};
+use super::files;
 use super::name::NodeName;
 
 /// Bytes of a record: type, mask, u32 points, u64 offset, u64 size.
@@ -168,14 +173,43 @@ pub fn read_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<Vec<Node>> 
 /// no record is read twice, so that proxies that point in circles end as an
 /// error.
 pub fn inspect_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<(Vec<Node>, Vec<Oddity>)> {
+    inspect(bytes.len() as u64, first_chunk_size, usize::MAX, |start| {
+        bytes.get(usize::try_from(start).unwrap_or(usize::MAX)..).unwrap_or_default()
+    })
+}
+
+/// Nodes of which the whole list, with what is made of it, fits a part of the memory.
+pub fn most_nodes(memory_limit: u64) -> usize {
+    const BYTES_A_NODE: u64 = 200;
+    usize::try_from(memory_limit / BYTES_A_NODE).unwrap_or(usize::MAX)
+}
+
+/// The same of a file, of which no more is read than the tree has, and no more
+/// than `most` nodes.
+pub fn inspect_hierarchy_file(
+    file: &File,
+    length: u64,
+    first_chunk_size: u64,
+    most: usize,
+) -> Result<(Vec<Node>, Vec<Oddity>)> {
+    inspect(length, first_chunk_size, most, |at| BufReader::new(files::From { file, at }))
+}
+
+/// `from` reads on from a byte of the hierarchy's.
+fn inspect<R: Read>(
+    length: u64,
+    first_chunk_size: u64,
+    most: usize,
+    from: impl Fn(u64) -> R,
+) -> Result<(Vec<Node>, Vec<Oddity>)> {
     let mut found = Chunks { proxies: vec![Proxy::first(first_chunk_size)], ..Chunks::default() };
     // Records that no chunk has claimed yet.
-    let mut unread = bytes.len() / RECORD;
+    let mut unread = length / RECORD as u64;
     while let Some(chunk) = found.proxies.pop() {
-        let records = claim(bytes, &chunk, &mut unread)?;
-        found.add(&chunk, records)?;
+        claim(length, &chunk, &mut unread)?;
+        found.add(&chunk, from(chunk.start), most)?;
     }
-    let unused = (unread * RECORD + bytes.len() % RECORD) as u64;
+    let unused = unread * RECORD as u64 + length % RECORD as u64;
     if unused > 0 {
         found.oddities.push(Oddity::Unused { bytes: unused });
     }
@@ -202,11 +236,11 @@ impl Proxy {
 }
 
 /// One chunk of hierarchy.bin for those who need only a part of the tree: its
-/// nodes, breadth first, and where it goes on. `records` are the bytes that
-/// `chunk` points at.
-pub fn read_chunk(chunk: &Proxy, records: &[u8]) -> Result<(Vec<Node>, Vec<Proxy>)> {
+/// nodes, breadth first, and where it goes on. `records` reads from where `chunk`
+/// points at; more than `most` nodes are an error.
+pub fn read_chunk(chunk: &Proxy, records: impl Read, most: usize) -> Result<(Vec<Node>, Vec<Proxy>)> {
     let mut parsed = Chunks::default();
-    parsed.add(chunk, records)?;
+    parsed.add(chunk, records, most)?;
     Ok((parsed.nodes, parsed.proxies))
 }
 
@@ -219,19 +253,29 @@ struct Chunks {
 }
 
 impl Chunks {
-    fn add(&mut self, chunk: &Proxy, records: &[u8]) -> Result<()> {
-        if records.is_empty() || !records.len().is_multiple_of(RECORD) {
+    /// Reads record by record, and ends where the tree does: whatever size a chunk
+    /// is said to have, memory and time grow with what it really holds.
+    fn add(&mut self, chunk: &Proxy, mut records: impl Read, most: usize) -> Result<()> {
+        let count = chunk.size / RECORD as u64;
+        if count == 0 || !chunk.size.is_multiple_of(RECORD as u64) {
             return Err(damaged(chunk, "its size is not a whole number of records"));
         }
-        let mut names = Vec::with_capacity(records.len() / RECORD);
-        names.push(chunk.name);
-        for (index, record) in records.chunks_exact(RECORD).enumerate() {
-            let Some(&name) = names.get(index) else {
+        let mut names = VecDeque::from([chunk.name]);
+        let mut named = 1u64;
+        let mut record = [0; RECORD];
+        for index in 0..count {
+            let Some(name) = names.pop_front() else {
                 return Err(damaged(chunk, "it has more records than its masks have children"));
             };
-            let (kind, node) = parse_record(name, record);
+            records
+                .read_exact(&mut record)
+                .map_err(|e| damaged(chunk, &format!("it cannot be read: {e}")))?;
+            let (kind, node) = parse_record(name, &record);
             if index == 0 {
                 self.compare_with_proxy(chunk, &node);
+            }
+            if self.nodes.len() + self.proxies.len() >= most {
+                return Err(damaged(chunk, &format!("more than {most} nodes do not fit the memory limit")));
             }
             match kind {
                 PROXY if index > 0 => {
@@ -250,12 +294,13 @@ impl Chunks {
                 _ => return Err(damaged(chunk, &format!("node {name} has type {kind}"))),
             }
             for digit in (0..8).filter(|digit| node.child_mask >> digit & 1 == 1) {
-                names.push(name.child(digit).ok_or_else(|| damaged(chunk, "it is too deep"))?);
+                names.push_back(name.child(digit).ok_or_else(|| damaged(chunk, "it is too deep"))?);
+                named += 1;
+            }
+            if named > count {
+                return Err(damaged(chunk, "its masks have more children than it has records"));
             }
             self.nodes.push(node);
-        }
-        if names.len() * RECORD != records.len() {
-            return Err(damaged(chunk, "its masks have more children than it has records"));
         }
         Ok(())
     }
@@ -272,15 +317,14 @@ impl Chunks {
     }
 }
 
-/// The bytes of a chunk, claimed so that no other chunk can have as many.
-fn claim<'a>(bytes: &'a [u8], chunk: &Proxy, unread: &mut usize) -> Result<&'a [u8]> {
-    let end = chunk.start.checked_add(chunk.size).filter(|&end| end <= bytes.len() as u64);
-    let (Ok(start), Some(Ok(end))) = (usize::try_from(chunk.start), end.map(usize::try_from)) else {
-        return Err(damaged(chunk, &format!("it ends behind the file's {} bytes", bytes.len())));
-    };
-    *unread = (unread.checked_sub((end - start) / RECORD))
+/// Claims the bytes of a chunk, so that no other chunk can have as many.
+fn claim(length: u64, chunk: &Proxy, unread: &mut u64) -> Result<()> {
+    if chunk.start.checked_add(chunk.size).is_none_or(|end| end > length) {
+        return Err(damaged(chunk, &format!("it ends behind the file's {length} bytes")));
+    }
+    *unread = (unread.checked_sub(chunk.size / RECORD as u64))
         .ok_or_else(|| damaged(chunk, "chunks overlap or point in circles"))?;
-    Ok(&bytes[start..end])
+    Ok(())
 }
 
 fn parse_record(name: NodeName, record: &[u8]) -> (u8, Node) {

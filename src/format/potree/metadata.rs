@@ -9,7 +9,6 @@
 //! as many uint32, low half first, which are the same bytes; `valueType` tells
 //! our reader what they are.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -182,12 +181,35 @@ impl From<Kind> for Scalar {
     }
 }
 
+/// Bytes of a point at most: a LAS record is at most 65535 bytes, and second colors
+/// stand beside the first.
+const MOST_RECORD: usize = 66_000;
+/// Attributes of a point at most.
+const MOST_ATTRIBUTES: usize = 4096;
+
 impl Metadata {
     /// Reads metadata.json of an octree's folder.
     pub fn read(folder: &Path) -> Result<Metadata> {
-        let path = folder.join(super::METADATA);
-        let text = fs::read(&path).map_err(|source| PotreeError::Read { path: path.clone(), source })?;
-        serde_json::from_slice(&text).map_err(|source| PotreeError::Json { path, source })
+        let text = super::files::metadata(folder)?;
+        serde_json::from_slice(&text)
+            .map_err(|source| PotreeError::Json { path: folder.join(super::METADATA), source })
+    }
+
+    /// Whether its numbers can be those of an octree: finite, and above 0 where
+    /// they are lengths. Who computes with them asks before.
+    pub fn check_numbers(&self) -> Result<()> {
+        let (min, max) = (self.bounding_box.min, self.bounding_box.max);
+        let is_length = |n: f64| n > 0.0 && n.is_finite();
+        if !self.scale.iter().all(|&scale| is_length(scale)) {
+            return Err(invalid("a scale is not a finite number above 0"));
+        }
+        if !is_length(self.spacing) {
+            return Err(invalid(format!("a spacing of {} is not a finite number above 0", self.spacing)));
+        }
+        if !self.offset.iter().all(|n| n.is_finite()) || !(0..3).all(|a| is_length(max[a] - min[a])) {
+            return Err(invalid("its bounding box has no extent, or an end that is not finite"));
+        }
+        Ok(())
     }
 
     /// The text of metadata.json. Floats that JSON has no way to write (NaN,
@@ -219,7 +241,12 @@ impl Metadata {
             Some(a) if a.name == "position" && a.scalar == Scalar::I32 && a.elements == 3 => {}
             _ => return Err(invalid("its first attribute is not 'position' of three int32")),
         }
-        Ok(Schema { attributes })
+        let schema = Schema { attributes };
+        let (bytes, count) = (schema.record_size(), schema.attributes.len());
+        if bytes > MOST_RECORD || count > MOST_ATTRIBUTES {
+            return Err(invalid(format!("points of {bytes} bytes in {count} attributes are not believable")));
+        }
+        Ok(schema)
     }
 }
 
@@ -362,6 +389,7 @@ fn finite(value: f64, limit: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn example() -> Metadata {
         let position = Attribute {

@@ -6,6 +6,7 @@
 
 pub mod encoding;
 mod error;
+pub mod files;
 pub mod hierarchy;
 mod json;
 pub mod metadata;
