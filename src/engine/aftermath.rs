@@ -11,7 +11,7 @@ use tokio::task::{JoinHandle, JoinSet};
 
 use super::Tools;
 use super::hook::{self, Ended};
-use super::preview::Previews;
+use super::preview::{Previews, Room};
 use super::sources::{self, Left, Plan, PutAway};
 use super::verification::Verifications;
 use crate::clock::Millis;
@@ -49,15 +49,20 @@ pub(super) struct Aftermath {
 }
 
 impl Aftermath {
+    /// Whether pictures are drawn, and whether by suspects.
+    pub fn draws(&self) -> (bool, bool) {
+        (self.previews.are_at_work(), self.previews.are_suspect())
+    }
+
     /// Takes note of what has ended and starts what is owed.
-    pub async fn turn(&mut self, tools: &Tools, stopping: bool, mode: Mode) -> Result<()> {
+    pub async fn turn(&mut self, tools: &Tools, room: Room, stopping: bool, mode: Mode) -> Result<()> {
         let now = tools.clock.now();
         self.carried(tools, now).await?;
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
         let resting = stopping || mode == Mode::Pause;
-        self.previews.turn(tools, resting).await?;
+        self.previews.turn(tools, if resting { Room::None } else { room }).await?;
         self.verifications.turn(tools, resting).await?;
         if stopping {
             return Ok(());
@@ -212,7 +217,7 @@ impl Aftermath {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, true, Mode::Run).await {
+            if let Err(error) = self.turn(tools, Room::None, true, Mode::Run).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {

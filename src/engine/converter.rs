@@ -91,8 +91,11 @@ impl Converter for Conduct {
             options: work.options.clone(),
             hashes: work.hashes.clone(),
         };
+        // Made again before the next attempt.
+        let ours =
+            [work.output.parent(), context.scratch.parent()].map(|folder| folder.unwrap_or(Path::new("")));
         let outcome = conduct::convert(&request, context).map_err(|error| Failure {
-            may_pass: error.retry_can_help(),
+            may_pass: error.retry_can_help() || error.lost_what_was_in(&ours),
             message: error.to_string(),
             panicked: false,
         })?;

@@ -19,6 +19,7 @@ mod publish;
 pub mod report;
 mod sources;
 mod stall;
+mod starting;
 mod verification;
 mod worker;
 
@@ -32,24 +33,19 @@ use crate::clock::{Clock, Millis};
 use crate::config::Config;
 use crate::disk::Disk;
 use crate::job::verdict::End;
-use crate::job::{Input, Job, JobId, Wish};
+use crate::job::{Job, JobId, Wish};
 use crate::metrics::Metrics;
-use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::options::Options;
+use crate::stage::context::Cancel;
 use crate::stage::scratch::units_done;
 use crate::store::board::Board;
 use crate::store::{Ending, Mode, Recovered, Result, Store};
 use aftermath::Aftermath;
-use converter::{Converter, Work};
+use converter::Converter;
 use ending::wish_end;
 use preflight::Lane;
 use stall::Pulse;
 use worker::Finished;
 
-/// How many waiting jobs are looked at for one that fits.
-const LOOK_AHEAD: i64 = 1000;
-/// How many are looked at first; mostly one of them does.
-const FIRST_LOOK: i64 = 16;
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
 /// How often scratch is swept though no run ended, in milliseconds: a job that is
@@ -87,6 +83,8 @@ struct Running {
     stop: Option<Stop>,
     beat_at: Millis,
     pulse: Pulse,
+    /// It may have brought the daemon down: nothing else runs meanwhile.
+    alone: bool,
 }
 
 /// What a tick did.
@@ -113,6 +111,8 @@ pub struct Engine {
     abandoned: HashSet<JobId>,
     aftermath: Aftermath,
     swept_at: Millis,
+    /// A suspect waits until all else has ended.
+    makes_room: bool,
     stopping: bool,
 }
 
@@ -129,6 +129,7 @@ impl Engine {
             abandoned: HashSet::new(),
             aftermath: Aftermath::default(),
             swept_at: 0,
+            makes_room: false,
             stopping: false,
         }
     }
@@ -190,7 +191,7 @@ impl Engine {
         self.give_up_the_dead().await?;
         let starts = mode == Mode::Run && !self.stopping;
         let (started, held) = if starts { self.start_ready().await? } else { (0, 0) };
-        self.aftermath.turn(&self.tools, self.stopping, mode).await?;
+        self.aftermath.turn(&self.tools, self.room(), self.stopping, mode).await?;
         let now = self.tools.clock.now();
         let due = self.tools.store.next_start(now).await?;
         Ok(Outcome { ended, started, held, running: self.running.len(), due })
@@ -239,105 +240,6 @@ impl Engine {
             }
         }
         Ok(())
-    }
-
-    /// Step 4.
-    async fn start_ready(&mut self) -> Result<(usize, usize)> {
-        let (mut started, mut held) = (0, 0);
-        for lane in [Lane::Heavy, Lane::Light] {
-            let mut looked_at = 0;
-            for limit in [FIRST_LOOK, LOOK_AHEAD] {
-                if !self.is_free(lane) {
-                    break;
-                }
-                let now = self.tools.clock.now();
-                let sizes = lane.sizes(&self.tools.config);
-                let jobs = self.tools.store.ready(now, self.longest_wait(), sizes, limit).await?;
-                let all = (jobs.len() as i64) < limit;
-                for job in jobs.into_iter().skip(looked_at) {
-                    if !self.is_free(lane) {
-                        break;
-                    }
-                    match self.try_start(job, lane, now).await? {
-                        true => started += 1,
-                        false => held += 1,
-                    }
-                }
-                if all {
-                    break;
-                }
-                looked_at = limit as usize;
-            }
-        }
-        Ok((started, held))
-    }
-
-    /// No job is told to wait for longer.
-    fn longest_wait(&self) -> Millis {
-        let policy = &self.tools.config.policy;
-        policy.longest_wait.max(policy.first_wait)
-    }
-
-    /// Starts a job, or says why it does not start yet.
-    async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
-        let store = self.tools.store.clone();
-        if let Some(reason) = self.waits_for_a_run(&job) {
-            if job.hold.as_deref() != Some(reason) {
-                store.hold(job.id, Some(reason), now).await?;
-            }
-            return Ok(false);
-        }
-        let inputs = store.inputs(job.id).await?;
-        let in_hand: Vec<(Lane, u64)> =
-            self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
-        let trouble = preflight::input_trouble(&inputs);
-        let is_input = trouble.is_some();
-        if let Some(reason) = trouble.or_else(|| preflight::disk_trouble(&job, &in_hand, &self.tools)) {
-            let is_news = job.hold.as_deref() != Some(reason.as_str());
-            if is_news && !(is_input && store.give_way(job.id, &reason, now).await?) {
-                tracing::warn!(job = job.id, name = job.name, reason, "held");
-                store.hold(job.id, Some(&reason), now).await?;
-            }
-            return Ok(false);
-        }
-        let Some(job) = store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
-        self.start(job, lane, inputs, now);
-        Ok(true)
-    }
-
-    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, now: Millis) {
-        let config = &self.tools.config;
-        tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
-        let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
-        let context = Context {
-            disk: self.tools.disk.clone(),
-            scratch: janitor::scratch_of(config, job.id),
-            threads: config.threads,
-            memory_limit: lane.memory(config),
-            cancel: cancel.clone(),
-            progress: progress.clone(),
-        };
-        let mut options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
-        // The staging folder's name is nothing to go by.
-        options.name.get_or_insert_with(|| job.name.clone());
-        let work = Work::new(inputs, publish::staging(config, job.id), options);
-        self.tools.metrics.attempts.inc();
-        self.tools.board.hang_up(job.id, progress, now);
-        let id = job.id;
-        self.running
-            .insert(id, Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now) });
-        worker::start(
-            id,
-            self.tools.converter.clone(),
-            work,
-            context,
-            self.sender.clone(),
-            self.tools.bell.clone(),
-        );
-    }
-
-    fn is_free(&self, lane: Lane) -> bool {
-        self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
     }
 
     /// Clears what jobs without work before them left in scratch and staging.

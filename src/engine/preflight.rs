@@ -105,6 +105,12 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
     let wanted = room(job).saturating_sub(taken);
     let needed = wanted.saturating_add(set_apart).saturating_add(tools.config.disk_reserve);
     for folder in [tools.config.scratch(), tools.config.octrees()] {
+        // Somebody took it away: what was in it is lost, the next job need not be.
+        if !folder.is_dir()
+            && let Err(error) = tools.disk.create_dir_all(&folder)
+        {
+            return Some(error.to_string());
+        }
         // As after an I/O error, when the system mounts it anew for reading only:
         // then no job should fail for it, one after the other.
         if let Err(errno) = access(&folder, Access::WRITE_OK) {
@@ -112,14 +118,13 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
         }
         match tools.disk.free_space(&folder) {
             Ok(free) if free < needed => {
+                // Without what changes all the time: that would be news at each look.
                 return Some(format!(
-                    "needs up to {} on the disk of {}, which has {} free, of which {} are kept free and {} are \
-                     set apart for running jobs",
+                    "needs up to {} on the disk of {}, more than is free there beside the {} that are kept \
+                     free and what running jobs may need",
                     Size(wanted),
                     folder.display(),
-                    Size(free),
                     Size(tools.config.disk_reserve),
-                    Size(set_apart),
                 ));
             }
             Ok(_) => {}

@@ -5,6 +5,7 @@
 //! the two are told apart, the new octree and the old one that it replaces: the
 //! swap exchanges their names, and looks the same from both sides.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::Tools;
@@ -32,7 +33,8 @@ pub(super) async fn publish(tools: &Tools, job: &Job, staged: u64) -> Result<(),
     match swapped {
         Ok(Ok(())) => Ok(()),
         Ok(Err(error)) => {
-            let may_pass = error.may_pass();
+            // What is not there was taken away, and is made again.
+            let may_pass = error.may_pass() || error.source.kind() == ErrorKind::NotFound;
             Err(Failure { message: error.to_string(), may_pass, panicked: false })
         }
         Err(error) => {

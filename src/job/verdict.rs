@@ -7,7 +7,8 @@
 //! that may pass (no room, an I/O error) is no strike: the job waits, longer each
 //! time, and gives up only after many tries. Nor is a crash of the daemon under a
 //! job that has got on since the crash before: an hours-long job on a shaky
-//! machine is not poison.
+//! machine is not poison. Nor is one of several jobs under which the daemon died at
+//! once: they run alone from then on, and only who did so is blamed.
 
 use super::Event;
 
@@ -25,6 +26,8 @@ pub enum End {
     Crashed,
     /// The daemon died under the job, which had got on since the last time.
     Interrupted,
+    /// The daemon died while it was at several things, of which this is one.
+    Suspected,
     /// The daemon shuts down in good order.
     Parked,
     Cancelled,
@@ -82,6 +85,8 @@ pub fn judge(end: End, tally: Tally, policy: &Policy) -> Verdict {
         // Whatever kills the daemon, it is not the same piece of this job. Units
         // are finite, so this ends.
         End::Interrupted => at_once(Event::Crash, Tally { strikes: 0, ..tally }),
+        // Who of them did it shows when each runs alone.
+        End::Suspected => at_once(Event::Crash, tally),
         End::Passing => {
             let tally = Tally { postponements: tally.postponements + 1, ..tally };
             if tally.postponements >= policy.max_postponements {
@@ -121,13 +126,14 @@ mod tests {
     use crate::job::machine::{State, next};
     use proptest::prelude::*;
 
-    const ENDS: [End; 9] = [
+    const ENDS: [End; 10] = [
         End::Published,
         End::Hopeless,
         End::Passing,
         End::Panicked,
         End::Crashed,
         End::Interrupted,
+        End::Suspected,
         End::Parked,
         End::Cancelled,
         End::Paused,
@@ -187,6 +193,13 @@ mod tests {
             waits.push(verdict.wait / 1000);
         }
         assert_eq!(waits, [5, 10, 20, 40, 80, 160, 320, 600, 600, 600]);
+    }
+
+    #[test]
+    fn who_was_not_alone_is_not_blamed() {
+        let before = Tally { attempts: 4, strikes: 2, postponements: 1 };
+        let verdict = judge(End::Suspected, before, &Policy::default());
+        assert_eq!((verdict.event, verdict.tally), (Event::Crash, before));
     }
 
     #[test]

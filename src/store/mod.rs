@@ -119,6 +119,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (5, "sources", include_str!("../../migrations/0005_sources.sql")),
     (6, "page", include_str!("../../migrations/0006_page.sql")),
     (7, "verify_share", include_str!("../../migrations/0007_verify_share.sql")),
+    (8, "suspects", include_str!("../../migrations/0008_suspects.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must

@@ -60,6 +60,8 @@ pub struct Due {
     pub name: String,
     /// Those that were begun; of one that runs, its own is among them.
     pub attempts: u32,
+    /// They may have brought the daemon down, and are drawn alone.
+    pub suspect: bool,
 }
 
 /// How an attempt ended.
@@ -80,15 +82,18 @@ pub enum Settled {
 impl Store {
     /// The next pictures to make, where some are due. What is to wait for longer
     /// than `longest_wait` was told so by a clock that has been set back since.
-    pub async fn preview_due(&self, now: i64, longest_wait: i64) -> Result<Option<Due>> {
+    /// Suspects only where there is nothing else at work.
+    pub async fn preview_due(&self, now: i64, longest_wait: i64, suspects: bool) -> Result<Option<Due>> {
         let row = sqlx::query(
-            "SELECT preview.job, job.name, preview.attempts FROM preview CROSS JOIN job ON job.id = preview.job \
+            "SELECT preview.job, job.name, preview.attempts, preview.suspect FROM preview CROSS JOIN job \
+             ON job.id = preview.job \
              WHERE preview.state = 'queued' AND (preview.not_before <= ? OR preview.not_before > ?) \
-             AND job.state = 'done' AND job.superseded_by IS NULL \
+             AND job.state = 'done' AND job.superseded_by IS NULL AND preview.suspect <= ? \
              ORDER BY preview.attempts, preview.job DESC LIMIT 1",
         )
         .bind(now)
         .bind(now.saturating_add(longest_wait))
+        .bind(suspects)
         .fetch_optional(&self.readers)
         .await?;
         let due = |row: SqliteRow| {
@@ -96,6 +101,7 @@ impl Store {
                 job: row.try_get("job")?,
                 name: row.try_get("name")?,
                 attempts: row.try_get("attempts")?,
+                suspect: row.try_get("suspect")?,
             })
         };
         row.map(due).transpose()
@@ -105,7 +111,7 @@ impl Store {
     /// the next is not before `next`. Nothing is returned where it is not due.
     pub async fn begin_preview(&self, due: &Due, next: i64, now: i64) -> Result<Option<Due>> {
         let begun = sqlx::query(
-            "UPDATE preview SET attempts = attempts + 1, not_before = ?, updated_at = ? \
+            "UPDATE preview SET attempts = attempts + 1, not_before = ?, drawing = 1, updated_at = ? \
              WHERE job = ? AND state = 'queued' AND attempts = ?",
         )
         .bind(next)
@@ -138,8 +144,9 @@ impl Store {
             Settled::Gone(why) => return self.drop_preview(due, why, now).await,
         };
         let mut tx = self.begin().await?;
+        sqlx::query("UPDATE preview SET drawing = 0 WHERE job = ?").bind(due.job).execute(&mut *tx).await?;
         let settled = sqlx::query(
-            "UPDATE preview SET state = ?, attempts = ?, not_before = ?, error = ?, \
+            "UPDATE preview SET state = ?, suspect = 0, attempts = ?, not_before = ?, error = ?, \
              receipt = coalesce(?, receipt), updated_at = ? \
              WHERE job = ? AND state = 'queued' AND attempts = ?",
         )
@@ -154,6 +161,7 @@ impl Store {
         .execute(&mut *tx)
         .await?;
         if settled.rows_affected() == 0 {
+            tx.commit().await?;
             return Ok(false);
         }
         let kind = match end {
@@ -224,6 +232,35 @@ impl Store {
         .await?;
         Ok(row.try_get("waiting")?)
     }
+}
+
+/// How many pictures were being drawn when the daemon died.
+pub(super) async fn interrupted(tx: &mut Transaction<'static, Sqlite>) -> Result<usize> {
+    let row =
+        sqlx::query("SELECT count(*) AS interrupted FROM preview WHERE drawing = 1 AND state = 'queued'")
+            .fetch_one(&mut **tx)
+            .await?;
+    Ok(row.try_get::<i64, _>("interrupted")? as usize)
+}
+
+/// They are drawn alone from now on. Where they were not, their attempt is taken
+/// back: it says nothing about them.
+pub(super) async fn suspect_interrupted(
+    tx: &mut Transaction<'static, Sqlite>,
+    alone: bool,
+    now: i64,
+) -> Result<()> {
+    sqlx::query(
+        "UPDATE preview SET drawing = 0, suspect = 1, updated_at = ?1, \
+         attempts = CASE WHEN ?2 THEN attempts ELSE max(attempts - 1, 0) END, \
+         not_before = CASE WHEN ?2 THEN not_before ELSE 0 END \
+         WHERE drawing = 1 AND state = 'queued'",
+    )
+    .bind(now)
+    .bind(alone)
+    .execute(&mut **tx)
+    .await?;
+    Ok(())
 }
 
 /// Part of a job's success: its pictures are owed, and nothing is any more of the

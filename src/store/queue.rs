@@ -33,13 +33,27 @@ impl Store {
     ) -> Result<Vec<Job>> {
         let bytes = |size: &u64| i64::try_from(*size).unwrap_or(i64::MAX);
         let rows = sqlx::query(
-            "SELECT * FROM job WHERE state = 'queued' AND (not_before <= ? OR not_before > ?) \
+            "SELECT * FROM job WHERE state = 'queued' AND suspect = 0 AND (not_before <= ? OR not_before > ?) \
              AND bytes BETWEEN ? AND ? ORDER BY priority DESC, id LIMIT ?",
         )
         .bind(now)
         .bind(now.saturating_add(longest_wait))
         .bind(bytes(sizes.start()))
         .bind(bytes(sizes.end()))
+        .bind(limit)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(row::job).collect()
+    }
+
+    /// Jobs that are due and may have brought the daemon down: each runs alone.
+    pub async fn suspects(&self, now: i64, longest_wait: i64, limit: i64) -> Result<Vec<Job>> {
+        let rows = sqlx::query(
+            "SELECT * FROM job WHERE state = 'queued' AND suspect = 1 \
+             AND (not_before <= ? OR not_before > ?) ORDER BY priority DESC, id LIMIT ?",
+        )
+        .bind(now)
+        .bind(now.saturating_add(longest_wait))
         .bind(limit)
         .fetch_all(&self.readers)
         .await?;
@@ -312,7 +326,7 @@ pub(super) async fn end_attempt(
     let finished = (!state.is_open()).then_some(now);
     sqlx::query(
         "UPDATE job SET state = ?, attempts = ?, strikes = ?, postponements = ?, not_before = ?, error = ?, \
-         lease_owner = NULL, heartbeat_at = NULL, wish = NULL, staged = 0, updated_at = ?, finished_at = ?, \
+         lease_owner = NULL, heartbeat_at = NULL, wish = NULL, staged = 0, suspect = 0, updated_at = ?, finished_at = ?, \
          hook = coalesce(?, hook) WHERE id = ?",
     )
     .bind(state.name())

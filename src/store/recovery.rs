@@ -3,7 +3,7 @@
 use sqlx::Row;
 
 use super::queue::{Ending, end_attempt};
-use super::{Result, Store, row};
+use super::{Result, Store, previews, row};
 use crate::job::verdict::{End, Policy};
 use crate::job::{Event, Job, JobId, Wish};
 
@@ -19,7 +19,8 @@ pub enum Recovered {
 impl Store {
     /// After the lock on the state folder is taken no other daemon can hold a
     /// lease: every running job was left by one that died. Those whose octree is
-    /// staged are handed back to be published; the others are judged as crashed.
+    /// staged are handed back to be published; the others are judged as crashed, or
+    /// where there were several (pictures among them) as suspected.
     /// `units` tells how many units of work a job has receipts for.
     pub async fn recover(
         &self,
@@ -30,6 +31,15 @@ impl Store {
     ) -> Result<Vec<Recovered>> {
         let mut tx = self.begin().await?;
         let rows = sqlx::query("SELECT * FROM job WHERE state = 'running'").fetch_all(&mut *tx).await?;
+        let drawing = previews::interrupted(&mut tx).await?;
+        let mut at_work = drawing;
+        for row in &rows {
+            at_work += usize::from(row::job(row)?.staged.is_none());
+        }
+        let alone = at_work == 1;
+        if drawing > 0 {
+            previews::suspect_interrupted(&mut tx, alone, now).await?;
+        }
         let mut recovered = Vec::with_capacity(rows.len());
         for row in &rows {
             let job = row::job(row)?;
@@ -53,11 +63,18 @@ impl Store {
                 Some(Wish::Cancel) => End::Cancelled,
                 Some(Wish::Pause) => End::Paused,
                 None if units > before => End::Interrupted,
-                None => End::Crashed,
+                None if alone => End::Crashed,
+                None => End::Suspected,
             };
-            let error = "the daemon died while it converted this".to_string();
-            let verdict =
-                end_attempt(&mut tx, &job, &Ending { end, error: Some(error) }, policy, now).await?;
+            let error = match end {
+                End::Suspected => "the daemon died while it was at this and other work; it runs alone next",
+                _ => "the daemon died while it converted this",
+            };
+            let ending = Ending { end, error: Some(error.to_string()) };
+            let verdict = end_attempt(&mut tx, &job, &ending, policy, now).await?;
+            if matches!(end, End::Crashed | End::Suspected) {
+                sqlx::query("UPDATE job SET suspect = 1 WHERE id = ?").bind(job.id).execute(&mut *tx).await?;
+            }
             recovered.push(Recovered::Judged(job.id, verdict.event));
         }
         tx.commit().await?;

@@ -44,7 +44,8 @@ pub(super) async fn healthz(Extract(shared): Extract<Shared>) -> Response {
     (StatusCode::OK, "ok\n").into_response()
 }
 
-/// Ready: started, not stopping, the queue answers, every watched folder is there.
+/// Ready: started, not stopping, the queue answers, our own folders can be written to,
+/// every watched folder is there.
 pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
     let health = shared.health();
     let mut reasons = Vec::new();
@@ -56,6 +57,12 @@ pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
     }
     reasons.extend(stuck(&health, shared.clock.now()));
     reasons.extend(health.queue_error);
+    for folder in [shared.config.scratch(), shared.config.octrees()] {
+        if let Err(errno) = rustix::fs::access(&folder, rustix::fs::Access::WRITE_OK) {
+            let error = std::io::Error::from(errno);
+            reasons.push(format!("{} cannot be written to: {error}", folder.display()));
+        }
+    }
     reasons.extend(health.missing.iter().map(|path| format!("{} is not there", path.display())));
     if reasons.is_empty() {
         return (StatusCode::OK, "ready\n").into_response();

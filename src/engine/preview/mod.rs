@@ -38,6 +38,17 @@ fn easel(config: &Config) -> PathBuf {
     config.octrees().join(".previews")
 }
 
+/// What room conversions leave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Room {
+    /// A suspect runs or waits to run alone, or the daemon stops.
+    None,
+    /// Something is converted.
+    Some,
+    /// Nothing is.
+    All,
+}
+
 #[derive(Default)]
 pub(super) struct Previews {
     drawing: Option<Drawing>,
@@ -66,8 +77,13 @@ impl Previews {
         self.drawing.is_some()
     }
 
-    /// Takes note of what was drawn, and begins what is due.
-    pub async fn turn(&mut self, tools: &Tools, stopping: bool) -> Result<()> {
+    /// Whether what is drawn may have brought the daemon down before.
+    pub fn are_suspect(&self) -> bool {
+        self.drawing.as_ref().is_some_and(|drawing| drawing.due.suspect)
+    }
+
+    /// Takes note of what was drawn, and begins what is due where there is room.
+    pub async fn turn(&mut self, tools: &Tools, room: Room) -> Result<()> {
         let now = tools.clock.now();
         if let Some(drawing) = &mut self.drawing {
             drawing.look(now);
@@ -76,20 +92,20 @@ impl Previews {
                 self.drawing = None;
             }
         }
-        if self.drawing.is_none() && !stopping && tools.config.preview {
-            self.begin(tools, now).await?;
+        if self.drawing.is_none() && room != Room::None && tools.config.preview {
+            self.begin(tools, room == Room::All, now).await?;
         }
         Ok(())
     }
 
-    async fn begin(&mut self, tools: &Tools, now: Millis) -> Result<()> {
+    async fn begin(&mut self, tools: &Tools, alone: bool, now: Millis) -> Result<()> {
         let (config, disk, policy) = (&tools.config, &tools.disk, &tools.config.policy);
         if !self.swept {
             self.swept = true;
             clear(disk, easel(config)).await;
         }
         let longest_wait = policy.longest_wait.max(policy.first_wait);
-        let Some(due) = tools.store.preview_due(now, longest_wait).await? else { return Ok(()) };
+        let Some(due) = tools.store.preview_due(now, longest_wait, alone).await? else { return Ok(()) };
         // The room that is left belongs to what is converted.
         if disk.free_space(&config.octrees()).is_ok_and(|free| free < config.disk_reserve) {
             return Ok(());
