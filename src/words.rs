@@ -1,8 +1,61 @@
 //! What people write for values, and how numbers are written for people: names of
 //! a choice in any letter case, yes and no in the usual words.
 
+use std::fmt::{self, Write as _};
+
 use clap::ValueEnum;
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
+
+/// Breaks lines, moves the cursor, turns text around, or cannot be seen.
+pub fn is_invisible(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200B}' | '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
+}
+
+/// A text of others (a path, a name, an error that has one in it) for a log or a
+/// terminal: what could forge a line or reach the screen's controls is escaped.
+#[derive(Debug, Clone, Copy)]
+pub struct Plain<T>(pub T);
+
+/// The same for a text of several lines, whose ends and tabs stay.
+#[derive(Debug, Clone, Copy)]
+pub struct Lines<T>(pub T);
+
+impl<T: fmt::Display> fmt::Display for Plain<T> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(Escaping { into: f, keeps: |_| false }, "{}", self.0)
+    }
+}
+
+impl<T: fmt::Display> fmt::Display for Lines<T> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(Escaping { into: f, keeps: |c| matches!(c, '\n' | '\t') }, "{}", self.0)
+    }
+}
+
+/// Writes on what is written to it, escaped in a way that JSON reads too.
+struct Escaping<W> {
+    into: W,
+    keeps: fn(char) -> bool,
+}
+
+impl<W: fmt::Write> fmt::Write for Escaping<W> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let mut rest = text;
+        while let Some(at) = rest.find(|c: char| is_invisible(c) && !(self.keeps)(c)) {
+            let c = rest[at..].chars().next().unwrap_or_default();
+            self.into.write_str(&rest[..at])?;
+            match c {
+                '\n' => self.into.write_str("\\n")?,
+                '\r' => self.into.write_str("\\r")?,
+                '\t' => self.into.write_str("\\t")?,
+                c => write!(self.into, "\\u{:04x}", u32::from(c))?,
+            }
+            rest = &rest[at + c.len_utf8()..];
+        }
+        self.into.write_str(rest)
+    }
+}
 
 /// The choice that a text names, in any letter case and with `-` or `_`; the error
 /// tells what there is to choose from.
@@ -47,7 +100,7 @@ pub fn optional_switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Opt
     struct Switch;
     impl Visitor<'_> for Switch {
         type Value = bool;
-        fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
             f.write_str("yes or no")
         }
         fn visit_bool<E: Error>(self, value: bool) -> Result<bool, E> {
@@ -84,6 +137,25 @@ pub fn number(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_reaches_the_screen_is_escaped() {
+        let text = "a\nb\u{1b}[31mred\u{7f}\u{85}\u{202e}gnp\tü😀";
+        assert_eq!(Plain(text).to_string(), "a\\nb\\u001b[31mred\\u007f\\u0085\\u202egnp\\tü😀");
+        assert_eq!(Lines("a\nb\tc\rd").to_string(), "a\nb\tc\\rd");
+        let json = format!("\"{}\"", Plain("\u{85}\n"));
+        assert_eq!(serde_json::from_str::<String>(&json).expect("JSON"), "\u{85}\n");
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_invisible_is_left(text in ".*") {
+            prop_assert!(!Plain(&text).to_string().contains(is_invisible));
+            let lines = Lines(&text).to_string();
+            prop_assert!(!lines.contains(|c| is_invisible(c) && !matches!(c, '\n' | '\t')));
+        }
+    }
 
     #[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
     enum Pace {

@@ -14,8 +14,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let config = match arguments.serve.effective() {
         Ok(config) => config,
         Err(error) => {
-            failed(&error);
-            return Exit::Usage;
+            return output::misused(&error);
         }
     };
     match toml::to_string(&config.to_layer()) {

@@ -13,6 +13,7 @@ use crate::format::crs;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::stage::staging::{staging_folder, within_a_name};
+use crate::words::Plain;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree
 #[derive(Debug, clap::Args)]
@@ -162,12 +163,12 @@ fn scratch_name(name: &str, output: &Path) -> String {
 
 fn print_outcome(request: &Request, outcome: &Outcome) {
     for note in outcome.repairs.iter().chain(&outcome.notes) {
-        say!("note: {note}");
+        say!("note: {}", Plain(note));
     }
     let seconds: f64 = outcome.seconds_by_stage.values().sum();
     say!(
         "{}: {} points in {} nodes, {} levels, {:.1} MB, in {:.2} s ({:.2} million points a second)",
-        request.output.display(),
+        Plain(request.output.display()),
         super::grouped(outcome.points_out),
         super::grouped(outcome.nodes),
         outcome.depth + 1,

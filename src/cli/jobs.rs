@@ -15,6 +15,7 @@ use crate::job::facts::Facts;
 use crate::job::time;
 use crate::job::{Event, Input, Job, JobId, State};
 use crate::store::{Attempt, History, Store, StoreError};
+use crate::words::Plain;
 
 /// List, show and control the jobs of the queue
 #[derive(Debug, clap::Args)]
@@ -73,8 +74,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let file = match arguments.config.as_deref().map(Layer::read).transpose() {
         Ok(file) => file.unwrap_or_default(),
         Err(error) => {
-            failed(&error);
-            return Exit::Usage;
+            return output::misused(&error);
         }
     };
     let root = arguments.root.clone().or(file.root).unwrap_or_else(|| PathBuf::from("lodestone-data"));
@@ -214,14 +214,14 @@ fn row(told: &Told) -> [String; 9] {
     // To the second, and without the zone that the head of `show` tells.
     let created = facts.created_at_iso.get(..19).unwrap_or_default().replace('T', " ") + "Z";
     let [id, tries] = [job.id.to_string(), job.attempts.to_string()];
-    [id, job.name.clone(), state, points, size, tries, created, took, why(job, facts)]
+    [id, Plain(&job.name).to_string(), state, points, size, tries, created, took, why(job, facts)]
 }
 
 /// What is to be known of a job in one line.
 fn why(job: &Job, facts: &Facts) -> String {
     let mut parts: Vec<String> = Vec::new();
     match (job.superseded_by, job.hold.as_deref().or(job.error.as_deref())) {
-        (_, Some(reason)) => parts.push(one_line(reason)),
+        (_, Some(reason)) => parts.push(Plain(one_line(reason)).to_string()),
         (Some(by), None) => parts.push(format!("superseded by job {by}")),
         (None, None) => {}
     }
@@ -249,7 +249,7 @@ const MAX_RESULT: usize = 100;
 async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
     let (job, facts) = (told.job, &told.facts);
     let mut text = table(std::slice::from_ref(told));
-    text += &format!("\nsource    {}\nrevision  {}\n", job.source.display(), job.revision);
+    text += &format!("\nsource    {}\nrevision  {}\n", Plain(job.source.display()), job.revision);
     let times = [
         ("created ", Some(&facts.created_at_iso)),
         ("started ", facts.started_at_iso.as_ref()),
@@ -264,7 +264,7 @@ async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
     }
     // The queue of a daemon that is older than this program knows of none.
     if let Some(preview) = store.previews(&[job.id]).await.unwrap_or_default().get(&job.id) {
-        let why = preview.error.as_deref().map(|error| format!(", {error}")).unwrap_or_default();
+        let why = preview.error.as_deref().map(|error| format!(", {}", Plain(error))).unwrap_or_default();
         text += &format!("preview   {}{why}\n", preview.state.name());
     }
     for (points, what) in [
@@ -309,7 +309,7 @@ fn section(title: &str, lines: &[String], most: usize) -> String {
     }
     let mut text = format!("\n{title}\n");
     for line in lines.iter().take(most) {
-        text += &format!("  {}\n", line.trim_end());
+        text += &format!("  {}\n", Plain(line.trim_end()));
     }
     if let Some(more @ 1..) = lines.len().checked_sub(most) {
         text += &format!("  … and {more} more; `--json` shows all that is kept\n");

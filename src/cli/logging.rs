@@ -15,11 +15,14 @@ pub(super) fn start(log: Option<&str>, format: Option<LogFormat>) {
         Targets::new().with_default(LevelFilter::INFO)
     });
     // A log that cannot be written must not end the program.
-    let layer = tracing_subscriber::fmt::layer().with_writer(|| output::Stderr).log_internal_errors(false);
-    let layer = match format.unwrap_or_default() {
+    let format = format.unwrap_or_default();
+    let colors = format == LogFormat::Auto && std::io::stderr().is_terminal();
+    let writer = move || output::Log { colors };
+    let layer = tracing_subscriber::fmt::layer().with_writer(writer).log_internal_errors(false);
+    let layer = match format {
         LogFormat::Json => layer.json().boxed(),
         LogFormat::Plain => layer.with_ansi(false).with_target(false).boxed(),
-        LogFormat::Auto => layer.with_ansi(std::io::stderr().is_terminal()).with_target(false).boxed(),
+        LogFormat::Auto => layer.with_ansi(colors).with_target(false).boxed(),
     };
     // What is kept with jobs does not hang on what is written now.
     let of_jobs = Targets::new().with_target("lodestone", LevelFilter::DEBUG);

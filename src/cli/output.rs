@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use indicatif::ProgressBar;
 
 use super::Exit;
+use crate::words::{Lines, Plain};
 
 /// Whether something could not be written, told once.
 static LOST: AtomicBool = AtomicBool::new(false);
@@ -28,7 +29,7 @@ pub(super) fn after(exit: Exit) -> Exit {
 
 /// What `print!` does, without the panic; see [`after`].
 pub(super) fn write(text: fmt::Arguments) {
-    check(io::stdout().lock().write_fmt(text));
+    check(io::stdout().lock().write_fmt(format_args!("{}", Lines(text))));
 }
 
 /// Takes note of what became of something written to stdout.
@@ -47,13 +48,19 @@ pub(super) fn check(result: io::Result<()>) {
 
 /// A message on stderr.
 pub(super) fn complain(text: fmt::Arguments) {
-    tell(format_args!("lodestone: {text}"));
+    tell(format_args!("lodestone: {}", Plain(text)));
+}
+
+/// Says that the settings are wrong; with the lines of a file that show where.
+pub(super) fn misused(error: &dyn std::error::Error) -> Exit {
+    tell(format_args!("lodestone: {error}"));
+    Exit::Usage
 }
 
 /// A line on stderr; where that is closed or full nobody is left to be told.
 pub(super) fn tell(line: fmt::Arguments) {
     // In one piece, so that lines of two threads do not mix.
-    let _ = Stderr.write_all(format!("{line}\n").as_bytes());
+    let _ = Stderr.write_all(format!("{}\n", Lines(line)).as_bytes());
 }
 
 /// The progress bar that stands on the terminal's last line, while one does.
@@ -83,6 +90,45 @@ impl Write for Stderr {
     }
 }
 
+/// The log's way to stderr: an event is one line, whatever paths and names it tells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Log {
+    /// Whether the log itself colors what it writes.
+    pub colors: bool,
+}
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        let (line, end) = match text.strip_suffix('\n') {
+            Some(line) => (line, "\n"),
+            None => (&*text, ""),
+        };
+        Stderr.write_all(format!("{}{end}", escaped(line, self.colors)).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Stderr.flush()
+    }
+}
+
+/// A line of the log without controls but its own colors; in fields and messages
+/// these are escaped before.
+fn escaped(line: &str, colors: bool) -> String {
+    let mut parts = line.split('\u{1b}');
+    let mut out = Plain(parts.next().unwrap_or_default()).to_string();
+    for part in parts {
+        let digits = part
+            .strip_prefix('[')
+            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+        let is_color = digits.is_some_and(|rest| rest.starts_with('m'));
+        out += if colors && is_color { "\u{1b}" } else { "\\u001b" };
+        out += &Plain(part).to_string();
+    }
+    out
+}
+
 /// A line of the result.
 macro_rules! say {
     ($($text:tt)*) => {
@@ -90,3 +136,18 @@ macro_rules! say {
     };
 }
 pub(super) use say;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_stays_one_line_with_its_own_colors_alone() {
+        let line = "\u{1b}[32m INFO\u{1b}[0m queued path=a\nb\u{1b}]0;title\u{7}\u{1b}[2J";
+        assert_eq!(
+            escaped(line, true),
+            "\u{1b}[32m INFO\u{1b}[0m queued path=a\\nb\\u001b]0;title\\u0007\\u001b[2J"
+        );
+        assert!(!escaped(line, false).contains(char::is_control));
+    }
+}

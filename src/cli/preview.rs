@@ -13,6 +13,7 @@ use crate::render::studio::Quality;
 use crate::stage::context::{Cancel, Context, Progress};
 use crate::stage::machine;
 use crate::stage::preview::{Options, Preview, Still, Turntable, preview};
+use crate::words::Plain;
 
 /// Draw a thumbnail, an overview and a turntable of octrees; no display, driver or viewer needed
 #[derive(Debug, clap::Args)]
@@ -127,7 +128,13 @@ fn context(into: &Path, threads: usize) -> Context {
 }
 
 fn tell(into: &Path, made: &Preview) {
-    say!("{} by {}, drawn by {}, {:.2} s", into.display(), made.shows, made.renderer, made.seconds);
+    say!(
+        "{} by {}, drawn by {}, {:.2} s",
+        Plain(into.display()),
+        Plain(&made.shows),
+        made.renderer,
+        made.seconds
+    );
     for asset in &made.assets {
         let size = format!("{}x{}", asset.width, asset.height);
         let (points, kib) = (asset.effort.points, asset.bytes / 1024);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{Exit, failed};
+use super::{Exit, failed, output};
 use crate::config::logging::LogFormat;
 use crate::config::{Config, ConfigError, Layer};
 use crate::daemon;
@@ -46,8 +46,7 @@ pub fn run(arguments: Arguments) -> Exit {
     let config = match arguments.effective() {
         Ok(config) => config,
         Err(error) => {
-            failed(&error);
-            return Exit::Usage;
+            return output::misused(&error);
         }
     };
     match daemon::run(config, Arc::new(Conduct)) {

@@ -57,7 +57,10 @@ impl Hints {
                 self.events.fetch_add(1, Ordering::Relaxed);
             }
             Err(error) => {
-                tracing::warn!(%error, "file events failed; the folders are scanned instead");
+                // Errors come in swarms, as events do.
+                if !self.lost.load(Ordering::SeqCst) {
+                    tracing::warn!(%error, "file events failed; the folders are scanned instead");
+                }
                 self.lose();
             }
         }
@@ -91,7 +94,9 @@ impl Events {
     pub fn start(roots: &[PathBuf]) -> Events {
         let hints = Arc::new(Hints::default());
         let heard = hints.clone();
-        let mut watcher = notify::recommended_watcher(move |event| heard.hear(event))
+        // A link in a watched folder must not have us watch the whole machine.
+        let config = notify::Config::default().with_follow_symlinks(false);
+        let mut watcher = notify::RecommendedWatcher::new(move |event| heard.hear(event), config)
             .inspect_err(|error| tracing::warn!(%error, "no file events; the folders are scanned instead"))
             .ok();
         let modes = roots.iter().map(|root| (root.clone(), mode_of(root, &mut watcher, &hints))).collect();
@@ -102,7 +107,7 @@ impl Events {
     pub fn revive(&mut self, root: &Path) {
         if let Some(watcher) = &mut self.watcher {
             // The old watch may be dead or alive; either way the new one counts.
-            let _ = watcher.unwatch(root);
+            let _ = watcher.unwatch(&root.canonicalize().unwrap_or_else(|_| root.to_path_buf()));
         }
         let mode = mode_of(root, &mut self.watcher, &self.hints);
         self.modes.iter_mut().filter(|(path, _)| path == root).for_each(|(_, m)| *m = mode);
@@ -115,7 +120,9 @@ impl Events {
 
 fn mode_of(root: &Path, watcher: &mut Option<notify::RecommendedWatcher>, hints: &Hints) -> Mode {
     let Some(watcher) = watcher else { return Mode::Polling };
-    if let Err(error) = watcher.watch(root, RecursiveMode::Recursive) {
+    // The folder itself may be a link.
+    let real = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
+    if let Err(error) = watcher.watch(&real, RecursiveMode::Recursive) {
         tracing::warn!(
             root = %root.display(), %error,
             "no file events for this folder, it is polled (a watch limit? see fs.inotify.max_user_watches)"

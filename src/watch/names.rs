@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use crate::words::is_invisible;
+
 /// Endings under which browsers, sync tools and people write what is not
 /// finished.
 const PARTIAL: [&str; 21] = [
@@ -168,12 +170,6 @@ pub fn plain(name: &str) -> String {
         "" => "unnamed".to_string(),
         name => name.to_string(),
     }
-}
-
-/// Breaks lines, turns text around, or cannot be seen.
-fn is_invisible(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{200B}' | '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
 }
 
 #[cfg(test)]
