@@ -9,6 +9,8 @@
 mod common;
 #[path = "../daemon_support/mod.rs"]
 mod daemon_support;
+#[path = "../engine_support/mod.rs"]
+mod engine_support;
 
 mod attacks;
 mod formats;

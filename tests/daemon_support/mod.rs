@@ -155,7 +155,8 @@ impl Daemon {
             .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
             // Pictures are work that most tests need not wait for.
             .args(if more.contains(&"--preview") { &[][..] } else { &["--preview", "false"] })
-            .args(["--disk-reserve", "1M", "--retry-seconds", "0.2", "--root"])
+            .args(if more.contains(&"--disk-reserve") { &[][..] } else { &["--disk-reserve", "1M"] })
+            .args(["--retry-seconds", "0.2", "--root"])
             .arg(root)
             .args(more)
             .envs(variables.iter().copied())
