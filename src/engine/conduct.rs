@@ -134,13 +134,13 @@ pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductE
         .thread_name(|i| format!("convert-{i}"))
         .build()
         .map_err(|e| StageError::NoThreads(e.to_string()))?;
+    // What is logged on the pool's threads is about the same job as on this one.
+    let span = tracing::Span::current();
     let goes_on = units_done(&context.scratch) > 0;
     // Unwind safety: what a run leaves behind it clears when it is dropped, and its
     // progress and cancel flag are plain atomics.
-    // What is logged on the pool's threads is about the same job as on this one.
-    let span = tracing::Span::current();
-    let run =
-        || catch_unwind(AssertUnwindSafe(|| pool.install(|| span.in_scope(|| run_once(request, context)))));
+    let run_in_pool = || pool.install(|| span.in_scope(|| run_once(request, context)));
+    let run = || catch_unwind(AssertUnwindSafe(run_in_pool));
     let mut outcome = run();
     let in_vain = match &outcome {
         Ok(Err(Ended { error, resumed: true })) => {

@@ -85,7 +85,8 @@ impl Store {
     /// Suspects only where there is nothing else at work.
     pub async fn preview_due(&self, now: i64, longest_wait: i64, suspects: bool) -> Result<Option<Due>> {
         let row = sqlx::query(
-            "SELECT preview.job, job.name, preview.attempts, preview.suspect FROM preview CROSS JOIN job ON job.id = preview.job \
+            "SELECT preview.job, job.name, preview.attempts, preview.suspect FROM preview CROSS JOIN job \
+             ON job.id = preview.job \
              WHERE preview.state = 'queued' AND (preview.not_before <= ? OR preview.not_before > ?) \
              AND job.state = 'done' AND job.superseded_by IS NULL AND preview.suspect <= ? \
              ORDER BY preview.attempts, preview.job DESC LIMIT 1",

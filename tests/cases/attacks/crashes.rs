@@ -177,7 +177,7 @@ fn a_run_that_goes_on_from_damaged_scratch_begins_anew() {
     fs::write(&input, las(1_500_000, 3)).unwrap();
     let expected = folder.path().join("expected");
     let named = Options { name: Some("octree".into()), ..Options::default() };
-    common::convert(&[input.clone()], &expected, &named).unwrap();
+    common::convert(std::slice::from_ref(&input), &expected, &named).unwrap();
     let request = common::request(&[input], &folder.path().join("octree"), &named);
     for damage in 0..4u64 {
         let context = common::context(folder.path(), 2, 24 << 20);

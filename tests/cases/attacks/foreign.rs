@@ -2,7 +2,7 @@
 //! never more memory than allowed.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,8 @@ use serde_json::{Value, json};
 /// Memory that `verify` may take, in MB, and what the program itself may take more.
 const LIMIT: u64 = 256;
 const MORE: u64 = 64;
-const SECONDS: u64 = 10;
+/// Seconds of the processor, on two threads: ten of the clock.
+const SECONDS: f64 = 20.0;
 
 fn metadata() -> Value {
     json!({
@@ -103,7 +104,7 @@ impl Bomb {
 }
 
 /// Runs a program to its end, and watches its memory meanwhile.
-fn held(name: &str, line: &[&str], octree: &PathBuf) -> (i32, String) {
+fn held(name: &str, line: &[&str], octree: &Path) -> (i32, String) {
     // A file: a pipe that nobody reads yet would fill.
     let said = tempfile::NamedTempFile::new().unwrap();
     let mut run = Command::new(env!("CARGO_BIN_EXE_lodestone"))
@@ -113,35 +114,37 @@ fn held(name: &str, line: &[&str], octree: &PathBuf) -> (i32, String) {
         .stderr(Stdio::from(fs::File::options().append(true).open(said.path()).unwrap()))
         .spawn()
         .unwrap();
-    let (start, mut peak) = (Instant::now(), 0);
+    let (start, mut peak, mut seconds) = (Instant::now(), 0, 0.0f64);
     let status = loop {
         let status = fs::read_to_string(format!("/proc/{}/status", run.id())).unwrap_or_default();
         let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
         let kb = most.and_then(|most| most.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
         peak = peak.max(kb.unwrap_or(0) / 1024);
+        seconds = seconds.max(processor_seconds(run.id()));
         if let Some(status) = run.try_wait().unwrap() {
             break status;
         }
-        if start.elapsed() > Duration::from_secs(90) {
+        if start.elapsed() > Duration::from_secs(150) {
             run.kill().unwrap();
             panic!("{name}: {line:?} does not end; {peak} MB");
         }
         std::thread::sleep(Duration::from_millis(5));
     };
-    let seconds = cpu_or_wall(start);
     let words = String::from_utf8_lossy(&fs::read(said.path()).unwrap()).into_owned();
     println!("| {name} | {} | {seconds:.1} s | {peak} MB | {:?} |", line[0], status.code());
     assert!(status.code().is_some_and(|code| code < 100), "{name}: {line:?}: {status}: {words}");
     assert!(!words.contains("panicked"), "{name}: {line:?}: {words}");
     assert!(peak <= LIMIT + MORE, "{name}: {line:?} took {peak} MB");
+    assert!(seconds < SECONDS, "{name}: {line:?} took {seconds} s");
     (status.code().unwrap(), words)
 }
 
-/// Where tests run side by side a second of work may take several.
-fn cpu_or_wall(start: Instant) -> f64 {
-    let seconds = start.elapsed().as_secs_f64();
-    assert!(seconds < (SECONDS * 6) as f64, "{seconds} s");
-    seconds
+/// Of the processor, which a busy machine does not change; of all threads.
+fn processor_seconds(process: u32) -> f64 {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let ticks: u64 = fields.skip(11).take(2).filter_map(|ticks| ticks.parse::<u64>().ok()).sum();
+    ticks as f64 / 100.0
 }
 
 fn brotli(points: u64) -> Value {
@@ -153,13 +156,13 @@ fn brotli(points: u64) -> Value {
 
 #[test]
 fn streams_that_unpack_to_far_more_are_refused() {
-    let stream = brotli_zeros(128 << 20);
+    let stream = brotli_zeros(80 << 20);
     let points = (1u64 << 30) / 16;
     let bomb = Bomb::new(&brotli(points), &record(1, 0, points as u32, 0, stream.len() as u64), &stream);
     bomb.refused("a stream of some hundred bytes said to be 1 GiB");
-    let points = (128u64 << 20) / 16;
+    let points = (80u64 << 20) / 16;
     let bomb = Bomb::new(&brotli(points), &record(1, 0, points as u32, 0, stream.len() as u64), &stream);
-    bomb.refused("a stream of some hundred bytes that is 128 MiB");
+    bomb.refused("a stream of some hundred bytes that is 80 MiB");
 
     let part = brotli_zeros(4 << 20);
     let (points, size) = (1u32 << 18, part.len() as u64);
