@@ -45,9 +45,8 @@ impl<'a> Decoder<'a> {
         Decoder { rest: &[], value: 0, length: u32::MAX, ended: false }
     }
 
-    /// Works with a copy of it, and takes that over. A decoder that is lent to a function
-    /// lies in memory wherever it is used; so its copy does, or it, as the one that is used
-    /// more lies in registers.
+    /// Works with a copy, and takes its state over. A decoder that is lent to a function
+    /// lies in memory wherever it is used; lending a copy keeps this one in registers.
     #[inline(always)]
     pub fn apart<T>(&mut self, work: impl FnOnce(&mut Decoder<'a>) -> T) -> T {
         let mut copy = *self;

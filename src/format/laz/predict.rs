@@ -2,17 +2,11 @@
 
 /// The median of the last differences: five values in order, of which a new one pushes
 /// out the greatest or the least.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Median {
     values: [i32; 5],
     /// Whether a new value pushes out the least.
     least_goes: bool,
-}
-
-impl Default for Median {
-    fn default() -> Median {
-        Median { values: [0; 5], least_goes: false }
-    }
 }
 
 impl Median {
