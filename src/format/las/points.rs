@@ -171,7 +171,7 @@ pub fn compressed(
     let record_length = coding.record_length;
     let body = match layout {
         Layout::Chunks(chunks) => Body::Chunks { coding, chunks },
-        layout => Body::Stream(Turnstile::new(source.clone(), coding, layout)),
+        layout => Body::Stream(Box::new(Turnstile::new(source.clone(), coding, layout))),
     };
     Ok(Points { body, count, missing, record_length, complete })
 }

@@ -55,7 +55,7 @@ pub(super) enum Body {
     /// LAZ chunks, each on its own.
     Chunks { coding: Coding, chunks: Vec<Chunk> },
     /// LAZ from front to back.
-    Stream(Turnstile),
+    Stream(Box<Turnstile>),
 }
 
 impl LasFile {
@@ -141,7 +141,7 @@ impl LasFile {
         let Body::Chunks { coding, chunks } = &mut self.body else { return };
         if chunks.iter().any(|chunk| chunk.points > MOST_CHUNK || chunk.points * length > self.most_slice) {
             let layout = Layout::Chunks(std::mem::take(chunks));
-            self.body = Body::Stream(Turnstile::new(self.source.clone(), coding.clone(), layout));
+            self.body = Body::Stream(Box::new(Turnstile::new(self.source.clone(), coding.clone(), layout)));
         }
     }
 

@@ -75,7 +75,7 @@ impl Identity {
 impl Source {
     pub fn open(path: &Path, links: Links) -> Result<Source, LasError> {
         let (file, metadata) = others::open_file(path, links).map_err(|error| match error.kind() {
-            io::ErrorKind::InvalidInput => LasError::not_las(path, &error.to_string()),
+            io::ErrorKind::InvalidInput => LasError::not_las(path, error.to_string()),
             _ => LasError::io("open", path, error),
         })?;
         let opened = Identity::of(&metadata);
