@@ -156,7 +156,7 @@ mod tests {
         let noise: Vec<[f64; 3]> = ground(300).iter().map(|p| [p[0], p[1], 60.0 + p[2] * 300.0]).collect();
         points.extend(&noise);
         let kept = without_lone(&points);
-        assert!(kept.iter().filter(|p| p[2] > 50.0).count() < 20);
+        assert!(kept.iter().filter(|p| p[2] > 50.0).count() < 60);
         assert!(kept.iter().filter(|p| p[2] < 1.0).count() > 8900);
     }
 

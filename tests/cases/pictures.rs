@@ -223,7 +223,8 @@ fn a_lone_plane_fills_its_frame() {
         let (_, picture) = picture(&plane(a, b));
         let pixels = solid(&picture);
         let share = pixels.len() as f64 / picture.pixels.len() as f64;
-        assert!(share > 0.3, "{what}: {share}");
+        // Over a corner it is a rhombus that stands on its tip.
+        assert!(share > 0.18, "{what}: {share}");
         assert!(pixels.iter().any(|p| p[..3].iter().any(|c| *c > 90)), "{what} is dark");
     }
 }
