@@ -16,6 +16,9 @@ use crate::format::potree::Metadata;
 /// Points that a thread takes at once.
 const SLICE: u32 = 100_000;
 
+/// Bytes of records that a thread decodes at once, however large a chunk says it is.
+const MOST_SLICE: u64 = 16 << 20;
+
 /// An input file, open, with the way from its records to the octree's.
 pub struct Input {
     pub file: Arc<LasFile>,
@@ -29,6 +32,7 @@ impl Input {
             None => {
                 let mut file = LasFile::open(path)?;
                 file.count_times_from(gps_time(&octree.metadata));
+                file.bound_slices(MOST_SLICE);
                 Arc::new(file)
             }
         };
@@ -51,6 +55,7 @@ pub fn readable(
     let mut opened = HashMap::new();
     for path in files {
         let mut file = LasFile::open_readable(path)?;
+        file.bound_slices(MOST_SLICE);
         file.leave_out_damaged(|_| true)?;
         file.count_times_from(gps_time(metadata));
         opened.insert(path.clone(), Arc::new(file));

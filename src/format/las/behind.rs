@@ -72,7 +72,8 @@ impl Reach {
 
     /// Whether a record may belong to the same cloud.
     pub fn holds(&self, record: &[u8]) -> bool {
-        record.iter().any(|byte| *byte != 0)
+        // One and the same byte throughout is padding, wherever it would lie.
+        record.iter().any(|byte| *byte != record[0])
             && position(record).into_iter().enumerate().all(|(axis, value)| {
                 let around = (self.max[axis] - self.min[axis]).max(16);
                 value >= self.min[axis] - around && value <= self.max[axis] + around

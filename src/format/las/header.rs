@@ -68,6 +68,9 @@ pub struct Front {
     /// In 10^6 seconds; since LAS 1.5.
     time_offset: Option<u16>,
     pub raw: las::raw::Header,
+    /// Where extended records begin and how many there are, as the header says: `las`
+    /// forgets the place of those that are not counted.
+    extended: Option<(u64, u32)>,
     /// Bytes of the header in this file, which may be more than the standard's.
     pub size: u64,
     pub point_format: u8,
@@ -137,10 +140,18 @@ pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError>
         // Bit 7 marks LAZ; bit 6 marked it in the very first versions.
         point_format: raw.point_data_record_format & 0b0011_1111,
         compressed: raw.point_data_record_format & 0b1100_0000 != 0,
+        extended: (minor >= 4).then(|| extended(&bytes)),
         raw,
     };
     front.check(source, notes)?;
     Ok(front)
+}
+
+fn extended(header: &[u8; LARGEST]) -> (u64, u32) {
+    let (mut start, mut number) = ([0; 8], [0; 4]);
+    start.copy_from_slice(&header[235..243]);
+    number.copy_from_slice(&header[243..247]);
+    (u64::from_le_bytes(start), u32::from_le_bytes(number))
 }
 
 fn check_size(source: &Source, size: u16, standard: u16, notes: &mut Vec<String>) -> Result<(), LasError> {
@@ -244,8 +255,10 @@ impl Front {
     /// Where the extended records begin and how many there are said to be, if
     /// that can be. One whose header counts none may have some all the same.
     pub fn extended(&self, source: &Source, notes: &mut Vec<String>) -> Result<Option<(u64, u32)>, LasError> {
-        let Some(evlr) = self.raw.evlr else { return Ok(None) };
-        let (start, said) = (evlr.start_of_first_evlr, evlr.number_of_evlrs);
+        let Some((start, said)) = self.extended else { return Ok(None) };
+        if (start, said) == (0, 0) {
+            return Ok(None);
+        }
         let can_be = start >= self.points_at() && start < source.bytes();
         if said == 0 {
             let is_one = can_be && vlr::is_extended_record(source, start)?;
@@ -263,9 +276,8 @@ impl Front {
     /// there.
     pub fn points_end(&self, source: &Source) -> Result<End, LasError> {
         let mut end = End { certain: source.bytes(), said: source.bytes() };
-        let extended = self.raw.evlr.map(|evlr| (evlr.start_of_first_evlr, evlr.number_of_evlrs));
         let waveforms = self.raw.start_of_waveform_data_packet_record.map(|start| (start, 1));
-        for (start, said) in extended.into_iter().chain(waveforms) {
+        for (start, said) in self.extended.into_iter().chain(waveforms) {
             // 0 is where there are none, and inside the header nothing can be.
             if start < self.points_at() || start >= source.bytes() {
                 continue;

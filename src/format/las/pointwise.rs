@@ -21,13 +21,15 @@ impl Locator<'_> {
             true => count == 0,
             false => count > before && count <= before + u64::from(each),
         };
+        // Room for a further chunk is not passed over because the count agrees.
+        let spare = listed.limit - listed.end;
         let fitting = match listed.trouble {
             Some(_) => None,
+            None if spare > self.coding.record_length as u64 => None,
             None if listed.chunks.is_empty() => (self.claims.said() == 0 && listed.is_whole()).then_some(0),
             None => self.claims.candidates().find(|count| fits(*count)),
         };
         if let Some(points) = fitting {
-            let spare = listed.limit - listed.end;
             if spare > 0 {
                 notes.push(format!("{spare} bytes between its chunks and their table belong to nothing"));
             }

@@ -293,6 +293,21 @@ fn a_chunk_table_that_lacks_chunks_loses_none() {
     assert!(read_all(&made.open().unwrap(), 100).is_err());
 }
 
+/// The count is that of the chunks listed, and there are more.
+#[test]
+fn chunks_that_neither_count_nor_table_know_contradict() {
+    for (point_format, place) in [(1, 107), (7, 247)] {
+        let mut made = Handmade::new(point_format, Some(100), &[100, 100, 30]);
+        made.list_only(Some(100), 1);
+        made.bytes[place..place + 4].copy_from_slice(&100u32.to_le_bytes());
+        match made.open() {
+            Ok(file) => assert_eq!(file.header().points, 230, "{point_format}"),
+            Err(LasError::Contradiction { said: 100, there, .. }) => assert!((230..=235).contains(&there)),
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
 /// A stale count among bytes that go on.
 #[test]
 fn a_stream_is_not_left_before_its_points_end() {
