@@ -15,8 +15,11 @@ const MOST_SAMPLES: u64 = 4096;
 const MOST_BYTES: u64 = 256 << 20;
 const BLOCK: u64 = 1 << 20;
 
-/// Where points may be expected, in the file's integers: as far again around the
-/// known ones as those reach.
+/// So many times as far as the known points reach, others may lie around them: a scan
+/// that was flushed early goes on.
+const AROUND: i64 = 8;
+
+/// Where points may be expected, in the file's integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reach {
     min: [i64; 3],
@@ -66,7 +69,8 @@ impl Reach {
         if self.min[0] > self.max[0] {
             return false;
         }
-        let share = |axis: usize| 3.0 * (self.max[axis] - self.min[axis] + 1) as f64 / (1u64 << 32) as f64;
+        let reach = (2 * AROUND + 1) as f64;
+        let share = |axis: usize| reach * (self.max[axis] - self.min[axis] + 1) as f64 / (1u64 << 32) as f64;
         (0..3).map(share).map(|share| share.min(1.0)).product::<f64>() < 1.0 / 64.0
     }
 
@@ -75,7 +79,7 @@ impl Reach {
         // One and the same byte throughout is padding, wherever it would lie.
         record.iter().any(|byte| *byte != record[0])
             && position(record).into_iter().enumerate().all(|(axis, value)| {
-                let around = (self.max[axis] - self.min[axis]).max(16);
+                let around = AROUND * (self.max[axis] - self.min[axis]).max(16);
                 value >= self.min[axis] - around && value <= self.max[axis] + around
             })
     }
@@ -243,7 +247,7 @@ mod tests {
         reach.add(&record([0, 0, 0]));
         reach.add(&record([1000, 2000, 30]));
         assert!(reach.tells());
-        for (near, inside) in [([1, 1, 1], true), ([1999, 3999, 60], true), ([2001, 0, 0], false)] {
+        for (near, inside) in [([1, 1, 1], true), ([8999, 17_999, 270], true), ([9001, 0, 0], false)] {
             assert_eq!(reach.holds(&record(near)), inside, "{near:?}");
         }
         assert!(!reach.holds(&[0; 20]), "zeros are no point");

@@ -105,7 +105,7 @@ fn laz_without_its_end_keeps_whole_points() {
 
 /// Whole chunks and a sound table, and a count that was never set right.
 #[test]
-fn laz_with_a_stale_count_is_read_whole() {
+fn laz_with_a_stale_count_loses_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("stale.laz");
     for format in 0..=10 {
@@ -116,6 +116,13 @@ fn laz_with_a_stale_count_is_read_whole() {
             fs::write(&input, stale).unwrap();
             let octree = folder.path().join("octree");
             let ended = convert(&input, &octree, "fail");
+            // Within the last chunk of the formats 0 to 5 a count that is too low cannot
+            // be told from damage: both leave bytes over.
+            if format < 6 && said > 0 {
+                assert!(ended.code == Some(1) && ended.said.contains("left over"), "{}", ended.said);
+                let _ = fs::remove_dir_all(&octree);
+                continue;
+            }
             assert_eq!(ended.code, Some(0), "format {format}, {said}: {}", ended.said);
             assert_eq!(points(&octree), POINTS, "format {format}, {said}");
             assert!(ended.said.contains("note: "), "nothing is told: {}", ended.said);
