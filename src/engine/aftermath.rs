@@ -32,10 +32,17 @@ const CLEARING: Millis = 10_000;
 /// How often old records are looked for.
 const PURGING: Millis = 3_600_000;
 
+struct Carrying {
+    job: JobId,
+    /// Whether an earlier try may have put some of it away.
+    begun: bool,
+    done: JoinHandle<std::result::Result<PutAway, Left>>,
+}
+
 #[derive(Default)]
 pub(super) struct Aftermath {
     /// The one data set whose sources are being put away.
-    carrying: Option<(JobId, JoinHandle<std::result::Result<PutAway, Left>>)>,
+    carrying: Option<Carrying>,
     cancel: Cancel,
     /// Sources that could not be put away for now, and when to try again.
     later: HashMap<JobId, Millis>,
@@ -102,6 +109,7 @@ impl Aftermath {
                 continue;
             }
             let inputs = tools.store.inputs(job.id).await?;
+            let begun = tools.store.begin_sources(job.id).await?;
             let plan = Plan::new(&tools.config, &job, what, inputs);
             let (disk, cancel, bell) = (tools.disk.clone(), self.cancel.clone(), tools.bell.clone());
             let carrying = tokio::task::spawn_blocking(move || {
@@ -109,18 +117,18 @@ impl Aftermath {
                 bell.notify_one();
                 done
             });
-            self.carrying = Some((job.id, carrying));
+            self.carrying = Some(Carrying { job: job.id, begun, done: carrying });
             break;
         }
         Ok(())
     }
 
     async fn carried(&mut self, tools: &Tools, now: Millis) -> Result<()> {
-        if !self.carrying.as_ref().is_some_and(|(_, carrying)| carrying.is_finished()) {
+        if !self.carrying.as_ref().is_some_and(|carrying| carrying.done.is_finished()) {
             return Ok(());
         }
-        let Some((job, carrying)) = self.carrying.take() else { return Ok(()) };
-        let done = carrying.await.unwrap_or_else(|e| Err(Left::ForNow(format!("moving it failed: {e}"))));
+        let Some(Carrying { job, begun, done }) = self.carrying.take() else { return Ok(()) };
+        let done = done.await.unwrap_or_else(|e| Err(Left::ForNow(format!("moving it failed: {e}"))));
         let (outcome, at, kind, detail) = match done {
             Ok(PutAway::Moved(to)) => {
                 let to = to.to_string_lossy().into_owned();
@@ -133,7 +141,8 @@ impl Aftermath {
             }
             Err(Left::ForGood(why)) => {
                 tracing::warn!(job, why, "its sources stay");
-                ("kept", None, "sources kept", why)
+                // What lies there may be another's, and the earlier gone before a crash.
+                ("kept", begun.then(String::new), "sources kept", why)
             }
             Err(Left::ForNow(why)) => {
                 // Said once, though it is tried every minute.

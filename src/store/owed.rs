@@ -77,6 +77,23 @@ impl Store {
         Ok(owed)
     }
 
+    /// Notes that the sources are about to be put away, before anything is: after a
+    /// crash in between, the octree may be all that is left of them, whatever lies
+    /// under their name then. Tells whether that was begun before.
+    pub async fn begin_sources(&self, job: JobId) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let row = sqlx::query("SELECT sources_now IS NOT NULL AS begun FROM job WHERE id = ?")
+            .bind(job)
+            .fetch_one(&mut *tx)
+            .await?;
+        sqlx::query("UPDATE job SET sources_now = coalesce(sources_now, '') WHERE id = ?")
+            .bind(job)
+            .execute(&mut *tx)
+            .await?;
+        tx.commit().await?;
+        Ok(row.try_get("begun")?)
+    }
+
     /// Closes the debt: the sources were put away (`now_at` says where to), or
     /// stay for good.
     pub async fn settle_sources(
@@ -107,10 +124,13 @@ impl Store {
         let telling = |found: &sqlx::sqlite::SqliteRow| {
             let job = row::job(found)?;
             let end: String = found.try_get("hook")?;
+            let sources_owed = found.try_get::<Option<String>, _>("sources")?.is_some();
+            // What is only begun may still be where it was.
             let source_now: Option<String> = found.try_get("sources_now")?;
+            let source_now = source_now.filter(|_| !sources_owed);
             Ok(Telling {
                 end: State::parse(&end).unwrap_or(job.state),
-                sources_owed: found.try_get::<Option<String>, _>("sources")?.is_some(),
+                sources_owed,
                 source_now: source_now.unwrap_or_else(|| job.source.to_string_lossy().into_owned()),
                 job,
             })
