@@ -130,6 +130,6 @@ mod tests {
         let facts = Facts::of(&job(State::Done, Some(json!({ "notes": notes }))), 0);
         assert_eq!(facts.warnings.len(), MAX_WARNINGS + 1);
         assert_eq!(facts.warnings.last().map(String::as_str), Some("and 950 more, in report.json"));
-        assert_eq!(Facts::of(&job(State::Done, Some(json!([1]))), 0).warnings, [String::new(); 0]);
+        assert_eq!(Facts::of(&job(State::Done, Some(json!([1]))), 0).warnings, Vec::<String>::new());
     }
 }

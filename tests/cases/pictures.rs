@@ -117,7 +117,8 @@ fn tiles_without_colors_are_grey_among_colored_ones() {
     let half = |intensity: fn([f64; 3]) -> u16| {
         picture(&field(30_000, |at, _| (intensity(at), if at[0] < 60.0 { rainbow(at) } else { [0; 3] })))
     };
-    let intensities: [(&str, fn([f64; 3]) -> u16); 2] = [("waves", waves), ("nothing", |_| 0)];
+    type Intensity = fn([f64; 3]) -> u16;
+    let intensities: [(&str, Intensity); 2] = [("waves", waves), ("nothing", |_| 0)];
     for (what, intensity) in intensities {
         let (shows, picture) = half(intensity);
         let (black, grey) = black_and_grey(&picture);
@@ -134,7 +135,8 @@ fn a_few_colored_points_are_no_color() {
 
 #[test]
 fn intensity_that_is_noise_gives_way_to_height() {
-    let intensities: [(&str, &str, fn([f64; 3], u64) -> u16); 5] = [
+    type Intensity = fn([f64; 3], u64) -> u16;
+    let intensities: [(&str, &str, Intensity); 5] = [
         ("noise", "height", |_, dice| (dice % 2000) as u16),
         ("coins", "height", |_, dice| 100 + 900 * (dice % 2) as u16),
         ("waves", "intensity", |at, _| waves(at)),

@@ -139,7 +139,7 @@ mod tests {
             let find = |records: &[Vlr]| shown(find(records, is_wkt, &mut Vec::new()));
             assert_eq!(find(&[old.clone(), utm_33()]), ("GeoTIFF keys", UTM_33.to_string()));
             assert_eq!(find(&[old.clone(), wkt_of(PROJECTION, "x")]).1, "PROJCS[\"x\"]");
-            assert_eq!(find(&[old.clone()]).1, "PROJCS[\"old one\"]");
+            assert_eq!(find(std::slice::from_ref(&old)).1, "PROJCS[\"old one\"]");
             // Keys that only have a code nobody knows are no system.
             let unknown = record(34735, keys(&[[3072, 0, 1, 1100]]));
             assert_eq!(find(&[old.clone(), unknown]).1, "PROJCS[\"old one\"]");

@@ -184,7 +184,7 @@ mod tests {
         let mut exact = 1234.5f64.to_le_bytes();
         shift.apply(path, &mut exact, 8).unwrap();
         assert_eq!(f64::from_le_bytes(exact), 400_001_234.5);
-        let mut fine = 1234.567_890_123f64.to_le_bytes();
+        let mut fine = 1_234.567_890_123_f64.to_le_bytes();
         let error = shift.apply(path, &mut fine, 8).unwrap_err().to_string();
         assert!(error.contains("time offset 1400") && error.contains("apart"), "{error}");
         let mut none = f64::NAN.to_le_bytes();

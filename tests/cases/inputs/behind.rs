@@ -22,7 +22,7 @@ fn evlr(length: usize) -> Vec<u8> {
     record[2..17].copy_from_slice(b"LASF_Projection");
     record[18..20].copy_from_slice(&2112u16.to_le_bytes());
     record[20..28].copy_from_slice(&(length as u64 - 60).to_le_bytes());
-    record.extend(b"PROJCS[\"somewhere\"]".iter().chain(&[b' ']).cycle().take(length - 60));
+    record.extend(b"PROJCS[\"somewhere\"]".iter().chain(b" ").cycle().take(length - 60));
     record
 }
 

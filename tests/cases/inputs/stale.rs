@@ -35,7 +35,7 @@ fn torn_files_of_every_format_keep_whole_records() {
         let length = lodestone::format::las::record_length(format).unwrap();
         // Flushed by pages, whose ends are no record's.
         let mut end = (points_at(&bytes) + 3_000 * length) / 4096 * 4096;
-        if (end - points_at(&bytes)) % length == 0 {
+        if (end - points_at(&bytes)).is_multiple_of(length) {
             end += 4096;
         }
         let there = ((end - points_at(&bytes)) / length) as u64;
