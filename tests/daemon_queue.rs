@@ -329,13 +329,14 @@ async fn a_source_that_changes_under_the_conversion_is_not_published() {
 async fn a_missing_mount_holds_the_job_and_its_return_lets_it_go() {
     let mut house = House::new(PLAIN).await;
     let job = id(house.drop_file("a", "x").await);
-    let (source, away) = (house.source("a"), house.folder.path().join("away"));
-    std::fs::rename(&source, &away).unwrap();
+    // The folder goes, as a mount does; the file itself is not touched.
+    let (inbox, away) = (house.folder.path().join("inbox"), house.folder.path().join("away"));
+    std::fs::rename(&inbox, &away).unwrap();
     house.engine.tick().await.unwrap();
     let held = house.job(job).await;
     assert_eq!(held.state, State::Queued);
     assert!(held.hold.unwrap().contains("is not there"));
-    std::fs::rename(&away, &source).unwrap();
+    std::fs::rename(&away, &inbox).unwrap();
     assert_eq!(house.turn_until(job, State::Done).await.hold, None);
 }
 

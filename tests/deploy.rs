@@ -126,6 +126,10 @@ fn settings_that_are_deployed_or_written_of_exist() {
                 "REQUIRE_CHROMIUM",
                 "REQUIRE_PROXIES",
                 "REQUIRE_SYSTEMD",
+                "POTREE",
+                "CASES",
+                "OVERWRITE_ROUNDS",
+                "PAGE_POINTS",
             ];
             // What a hook is told is no setting; daemon_control.rs holds it to that.
             let of_hooks = ["JOB", "NAME", "STATE", "OCTREE", "SOURCE", "ERROR", "POINTS"];

@@ -150,7 +150,9 @@ pub struct Layer {
     #[arg(skip)]
     pub log_format: Option<LogFormat>,
     /// Take files that are dropped on the page, into the inbox [default: true].
-    #[arg(long, env = "LODESTONE_UPLOAD", num_args = 0..=1, default_missing_value = "true")]
+    #[arg(long, env = "LODESTONE_UPLOAD", value_name = "YES|NO", num_args = 0..=1,
+          default_missing_value = "true", value_parser = words::yes_or_no)]
+    #[serde(deserialize_with = "words::optional_switch")]
     pub upload: Option<bool>,
     /// The largest upload [default: 256G].
     #[arg(long, env = "LODESTONE_UPLOAD_LIMIT", value_name = "SIZE")]

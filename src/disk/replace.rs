@@ -41,13 +41,10 @@ impl Disk {
             self.strike("put in its place", to)?;
             match renameat_with(CWD, new, CWD, to, RenameFlags::EXCHANGE) {
                 Ok(()) => {
-                    let (target, source) = (to.parent(), new.parent());
-                    for folder in target.into_iter().chain(source.filter(|folder| Some(*folder) != target)) {
-                        self.sync_dir(folder)?;
-                    }
-                    let old = name_of_replaced(new);
-                    self.rename(new, &old)?;
-                    return self.remove_dir_all(&old);
+                    return self.clear_exchanged(new, to).inspect_err(|_| {
+                        // It would lie there under our name; its lock is still ours.
+                        let _ = self.remove_dir_all(new);
+                    });
                 }
                 // It vanished in this moment, or `new` is not there at all.
                 Err(Errno::NOENT) if new.symlink_metadata().is_ok() => {}
@@ -63,6 +60,17 @@ impl Disk {
             }
         }
         Ok(())
+    }
+
+    /// Makes an exchange last, and removes what has the name `new` since.
+    fn clear_exchanged(&self, new: &Path, to: &Path) -> Result<()> {
+        let (target, source) = (to.parent(), new.parent());
+        for folder in target.into_iter().chain(source.filter(|folder| Some(*folder) != target)) {
+            self.sync_dir(folder)?;
+        }
+        let old = name_of_replaced(new);
+        self.rename(new, &old)?;
+        self.remove_dir_all(&old)
     }
 
     /// Gives the folder `new` the name `to` if nothing has it, and makes that last;

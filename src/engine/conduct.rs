@@ -10,9 +10,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::report;
-use crate::cloud::attribute::Schema;
-use crate::cloud::statistics::Statistics;
+use super::{notes, report};
 use crate::disk::{self, DirLock, Disk};
 use crate::format::inputs;
 use crate::format::las::LasError;
@@ -298,8 +296,8 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         publish::complete(&octree, &staging.folder, &request.output, options, context)
     })?;
     let mut notes = [survey.notes.as_slice(), &survey.lattice.notes()].concat();
-    notes.extend(odd_values(&survey.unified.schema, &statistics));
-    notes.extend(kept_out(&set_aside, &files_aside, options));
+    notes.extend(notes::odd_values(&survey.unified.schema, &statistics));
+    notes.extend(notes::kept_out(&set_aside, &files_aside, options));
     notes.extend((survey.missing > 0).then(|| {
         let promised = survey.points + survey.missing;
         format!("{} of the {promised} points that the input promises could not be read", survey.missing)
@@ -340,31 +338,6 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     context.progress.begin(Stage::Done, survey.points);
     context.progress.advance(survey.points);
     Ok(outcome)
-}
-
-/// Says which points are not in the octree, and where they are instead.
-fn kept_out(set_aside: &BTreeMap<Reason, u64>, files: &[String], options: &Options) -> Vec<String> {
-    let told = set_aside.iter().filter(|(_, points)| **points > 0).map(|(reason, points)| {
-        let (count, many) = (*points, if *points == 1 { "" } else { "s" });
-        match reason.mode(options) {
-            Mode::Drop => format!("{count} point{many} dropped as {}{many}, as asked", reason.name()),
-            _ => format!("{count} point{many} set aside as {}{many}, in {}", reason.name(), files.join(", ")),
-        }
-    });
-    told.collect()
-}
-
-/// Says which attributes have values that are no numbers: they are kept as they
-/// are, but no range or color tells of them.
-fn odd_values(schema: &Schema, statistics: &Statistics) -> Vec<String> {
-    let all = schema.attributes.iter().zip(&statistics.attributes);
-    let odd = all.filter(|(_, statistics)| statistics.not_finite > 0);
-    odd.map(|(attribute, statistics)| {
-        let (name, count) = (&attribute.name, statistics.not_finite);
-        let values = if count == 1 { "value that is no number" } else { "values that are no numbers" };
-        format!("`{name}` has {count} {values} (NaN or infinite), kept as they are")
-    })
-    .collect()
 }
 
 /// The scratch folder of a cloud that does not fit the memory, with what an

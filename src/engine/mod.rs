@@ -12,6 +12,7 @@ mod ending;
 mod hook;
 pub mod intake;
 pub mod janitor;
+mod notes;
 mod orders;
 mod preflight;
 mod preview;

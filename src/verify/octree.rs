@@ -96,7 +96,7 @@ impl Octree {
     fn open_rest(folder: &Path, metadata: &Metadata, memory_limit: u64) -> potree::Result<Octree> {
         let schema = metadata.schema()?;
         let (hierarchy, length) = files::open(folder, potree::HIERARCHY)?;
-        let (first, most) = (metadata.hierarchy.first_chunk_size, most_nodes(memory_limit));
+        let (first, most) = (metadata.hierarchy.first_chunk_size, most_nodes(memory_limit.max(LEAST_PURSE)));
         let (nodes, oddities) = inspect_hierarchy_file(&hierarchy, length, first, most)?;
         let (file, bytes) = files::open(folder, potree::OCTREE)?;
         let (set_aside, dropped) = (set_aside(folder), dropped(folder));

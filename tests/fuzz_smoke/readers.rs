@@ -72,7 +72,7 @@ pub fn las_header(bytes: &[u8]) {
                     let header = file.header();
                     let standard = lodestone::format::las::record_length(header.point_format);
                     assert!(standard.is_some_and(|length| length <= header.record_length));
-                    assert!(header.scale.iter().all(|scale| *scale > 0.0 && scale.is_finite()));
+                    assert!(header.scale.iter().all(|scale| *scale != 0.0 && scale.is_finite()));
                     if !header.compressed {
                         assert!(header.points * header.record_length as u64 <= bytes.len() as u64);
                     }

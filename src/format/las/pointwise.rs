@@ -162,11 +162,15 @@ impl Locator<'_> {
         let mut complete = self.counted(layout(said, false), said);
         complete.complete = self.chunking == Chunking::Whole;
         complete.reason = reason.clone().unwrap_or_default();
+        // What it says may be no use where its place still is.
+        let table = chunk_points.map(|_| self.table_place()).transpose()?;
         for count in counts {
             let explored = self.read(explorer.go_to(count, |_| {}))?;
             match explored.end {
                 ExploredTo::Bound => return Ok(complete),
-                ExploredTo::Points if stream::is_end(self.source, explored.at, end, chunks(count))? => {
+                ExploredTo::Points
+                    if stream::is_end(self.source, explored.at, end, chunks(count), table)? =>
+                {
                     return Ok(Located {
                         layout: layout(count, true),
                         verdict: Verdict::Counted(count),
@@ -216,6 +220,15 @@ impl Locator<'_> {
             _ => complete.reason.clone(),
         };
         Ok(Located { layout: layout(verdict.there(), true), verdict, reason, ..complete })
+    }
+
+    /// Where the points' first bytes say that the chunk table is.
+    fn table_place(&self) -> Result<u64, LasError> {
+        let mut place = [0; 8];
+        if self.source.bytes().saturating_sub(self.start) >= place.len() as u64 {
+            self.source.read_exact_at(&mut place, self.start)?;
+        }
+        Ok(u64::from_le_bytes(place))
     }
 
     fn explore(

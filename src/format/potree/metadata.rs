@@ -235,6 +235,13 @@ impl Metadata {
 
     /// The layout of a point record, with 64-bit integers whole again.
     pub fn schema(&self) -> Result<Schema> {
+        // Before anything is made for them.
+        let count = self.attributes.len();
+        let sizes = self.attributes.iter().map(|attribute| attribute.size.max(attribute.num_elements));
+        let bytes = sizes.fold(0usize, usize::saturating_add);
+        if bytes > MOST_RECORD || count > MOST_ATTRIBUTES {
+            return Err(invalid(format!("points of {bytes} bytes in {count} attributes are not believable")));
+        }
         let attributes =
             self.attributes.iter().map(MetadataAttribute::attribute).collect::<Result<Vec<_>>>()?;
         match attributes.first() {
@@ -242,10 +249,6 @@ impl Metadata {
             _ => return Err(invalid("its first attribute is not 'position' of three int32")),
         }
         let schema = Schema { attributes };
-        let (bytes, count) = (schema.record_size(), schema.attributes.len());
-        if bytes > MOST_RECORD || count > MOST_ATTRIBUTES {
-            return Err(invalid(format!("points of {bytes} bytes in {count} attributes are not believable")));
-        }
         Ok(schema)
     }
 }

@@ -1,6 +1,7 @@
 //! Laws of reading and writing that need both, and the clouds that the tests
 //! share.
 
+mod handmade;
 mod headers;
 mod laz_layouts;
 mod round_trips;

@@ -1,0 +1,37 @@
+//! What a conversion notes of its points for those who look at its result.
+
+use std::collections::BTreeMap;
+
+use crate::cloud::attribute::Schema;
+use crate::cloud::statistics::Statistics;
+use crate::stage::options::{Mode, Options};
+use crate::stage::set_aside::Reason;
+
+/// Says which points are not in the octree, and where they are instead.
+pub(super) fn kept_out(
+    set_aside: &BTreeMap<Reason, u64>,
+    files: &[String],
+    options: &Options,
+) -> Vec<String> {
+    let told = set_aside.iter().filter(|(_, points)| **points > 0).map(|(reason, points)| {
+        let (count, many) = (*points, if *points == 1 { "" } else { "s" });
+        match reason.mode(options) {
+            Mode::Drop => format!("{count} point{many} dropped as {}{many}, as asked", reason.name()),
+            _ => format!("{count} point{many} set aside as {}{many}, in {}", reason.name(), files.join(", ")),
+        }
+    });
+    told.collect()
+}
+
+/// Says which attributes have values that are no numbers: they are kept as they
+/// are, but no range or color tells of them.
+pub(super) fn odd_values(schema: &Schema, statistics: &Statistics) -> Vec<String> {
+    let all = schema.attributes.iter().zip(&statistics.attributes);
+    let odd = all.filter(|(_, statistics)| statistics.not_finite > 0);
+    odd.map(|(attribute, statistics)| {
+        let (name, count) = (&attribute.name, statistics.not_finite);
+        let values = if count == 1 { "value that is no number" } else { "values that are no numbers" };
+        format!("`{name}` has {count} {values} (NaN or infinite), kept as they are")
+    })
+    .collect()
+}
