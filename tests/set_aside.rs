@@ -373,10 +373,10 @@ fn the_command_says_what_was_set_aside_and_ends_with_3() {
     };
     let (code, text) = run(&[]);
     assert_eq!(code, Some(3));
-    assert!(text.contains("set aside: 15 000 (duplicates), in set-aside.laz"), "{text}");
+    assert!(text.contains("15000 points set aside as duplicates, in set-aside.laz"), "{text}");
     let (code, text) = run(&["--duplicates", "drop"]);
     assert_eq!(code, Some(3));
-    assert!(text.contains("dropped as asked: 15 000"), "{text}");
+    assert!(text.contains("15000 points dropped as duplicates, as asked"), "{text}");
     assert_eq!(run(&["--duplicates", "keep"]).0, Some(0));
 }
 

@@ -69,8 +69,10 @@ impl Disk {
             self.sync_dir(folder)?;
         }
         let old = name_of_replaced(new);
-        self.rename(new, &old)?;
-        self.remove_dir_all(&old)
+        // It has its name even where that does not last.
+        let renamed = self.rename(new, &old);
+        self.remove_dir_all(&old)?;
+        renamed
     }
 
     /// Gives the folder `new` the name `to` if nothing has it, and makes that last;

@@ -1,7 +1,6 @@
 //! LAZ files that no writer of ours makes: chunks of many sizes, tables at the
 //! end, wrong or missing, streams that break.
 
-
 use super::super::Reading;
 use super::super::explore::MOST_CHUNKS_TO_COUNT;
 use super::handmade::*;
