@@ -84,7 +84,7 @@ fn root() -> tempfile::TempDir {
 fn a_person_drops_watches_cancels_and_retries() {
     let root = root();
     let large = root.path().join("large.las");
-    fs::write(&large, las(points(), 1)).expect("written");
+    fs::write(&large, las(3 * points(), 1)).expect("written");
     // Real ones where there are some.
     let real = std::env::var_os("LODESTONE_DATA").map(|data| PathBuf::from(data).join("tiles/bcts"));
     let mut clouds: Vec<PathBuf> = ["bcts_1.laz", "bcts_2.laz"]

@@ -111,7 +111,8 @@ async fn only_who_ran_alone_is_blamed_for_a_crash() {
     at_work(&mut house, &["one"]).await;
     house.converter.hang(&["poison", "two"]);
     assert_eq!(house.turn_until(jobs[0], State::Done).await.strikes, 0);
-    house.converter.at_work.lock().unwrap().clear();
+    // The next may be at work by now.
+    house.converter.at_work.lock().unwrap().retain(|name| *name != "one");
     for strike in 1..=3 {
         at_work(&mut house, &["poison"]).await;
         crash(&mut house).await;

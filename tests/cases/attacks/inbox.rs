@@ -65,14 +65,14 @@ fn a_source_swapped_for_a_link_is_not_published() {
     // Nothing starts before there is more room than any disk has.
     let mut daemon = Daemon::start_with(&data, &["--disk-reserve", "1000000G"]);
     let modified = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_700_000_000);
-    let put = |path: &Path| {
-        fs::write(path, las(700, 1)).unwrap();
+    let put = |path: &Path, seed| {
+        fs::write(path, las(700, seed)).unwrap();
         fs::File::options().write(true).open(path).unwrap().set_modified(modified).unwrap();
     };
-    put(&daemon.inbox().join("file.las"));
+    put(&daemon.inbox().join("file.las"), 1);
     let tiles = root.path().join("tiles");
     fs::create_dir(&tiles).unwrap();
-    put(&tiles.join("tile.las"));
+    put(&tiles.join("tile.las"), 2);
     fs::rename(&tiles, daemon.inbox().join("tiles")).unwrap();
     for name in ["file", "tiles"] {
         daemon.wait(name, "queued");

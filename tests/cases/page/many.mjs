@@ -11,7 +11,9 @@ for (const javaScriptEnabled of [true, false]) {
   const page = await (await context({ javaScriptEnabled })).newPage();
   const total = () => page.locator('#pager').textContent();
   await page.goto(`${address}/`);
-  check((await total()).includes('50 of 5\u202f000 jobs'), await total());
+  // The first turn dismisses two.
+  const all = javaScriptEnabled ? '5\u202f000' : '4\u202f998';
+  check((await total()).includes(`50 of ${all} jobs`), await total());
   await page.getByRole('searchbox').fill('tile_4321');
   await page.getByRole('button', { name: 'Show' }).click();
   await page.waitForURL(/q=tile_4321/);
