@@ -234,6 +234,23 @@ impl Store {
     }
 }
 
+/// Refuses what is `asked` of a job's octree where the job is not done, or another
+/// octree stands in its place.
+async fn must_stand(tx: &mut Transaction<'static, Sqlite>, job: JobId, asked: &'static str) -> Result<()> {
+    let found = sqlx::query("SELECT state, superseded_by FROM job WHERE id = ?")
+        .bind(job)
+        .fetch_optional(&mut **tx)
+        .await?
+        .ok_or(StoreError::NoSuchJob(job))?;
+    let state = row::state(&found)?;
+    let superseded = found.try_get::<Option<JobId>, _>("superseded_by")?.is_some();
+    if state != State::Done || superseded {
+        let state = if superseded { "superseded" } else { state.name() };
+        return Err(StoreError::Illegal { job, state, asked });
+    }
+    Ok(())
+}
+
 /// Writes a line into a job's history.
 async fn note(
     tx: &mut Transaction<'static, Sqlite>,

@@ -12,8 +12,8 @@ use serde::Serialize;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::{Result, Store, StoreError, note, row};
-use crate::job::{JobId, State};
+use super::{Result, Store, StoreError, must_stand, note};
+use crate::job::JobId;
 
 /// How far a job's pictures are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -196,17 +196,7 @@ impl Store {
     /// An operator's order to make a job's pictures, be it once more.
     pub async fn order_preview(&self, job: JobId, now: i64) -> Result<()> {
         let mut tx = self.begin().await?;
-        let found = sqlx::query("SELECT state, superseded_by FROM job WHERE id = ?")
-            .bind(job)
-            .fetch_optional(&mut *tx)
-            .await?
-            .ok_or(StoreError::NoSuchJob(job))?;
-        let state = row::state(&found)?;
-        let superseded = found.try_get::<Option<JobId>, _>("superseded_by")?.is_some();
-        if state != State::Done || superseded {
-            let state = if superseded { "superseded" } else { state.name() };
-            return Err(StoreError::Illegal { job, state, asked: "preview" });
-        }
+        must_stand(&mut tx, job, "preview").await?;
         queue(&mut tx, job, now).await?;
         note(&mut tx, job, now, "preview asked", Some("by order")).await?;
         Ok(tx.commit().await?)

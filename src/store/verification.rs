@@ -4,8 +4,8 @@
 use serde::Serialize;
 use sqlx::Row;
 
-use super::{Result, Store, StoreError, note, row};
-use crate::job::{Job, JobId, State};
+use super::{Result, Store, StoreError, must_stand, note, row};
+use crate::job::{Job, JobId};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -31,17 +31,7 @@ impl Store {
     /// Orders a verification of a job's octree, be it once more.
     pub async fn order_verification(&self, job: JobId, now: i64) -> Result<()> {
         let mut tx = self.begin().await?;
-        let found = sqlx::query("SELECT state, superseded_by FROM job WHERE id = ?")
-            .bind(job)
-            .fetch_optional(&mut *tx)
-            .await?
-            .ok_or(StoreError::NoSuchJob(job))?;
-        let state = row::state(&found)?;
-        let superseded = found.try_get::<Option<JobId>, _>("superseded_by")?.is_some();
-        if state != State::Done || superseded {
-            let state = if superseded { "superseded" } else { state.name() };
-            return Err(StoreError::Illegal { job, state, asked: "verify" });
-        }
+        must_stand(&mut tx, job, "verify").await?;
         sqlx::query(
             "INSERT INTO verification (job, state, asked_at) VALUES (?1, 'queued', ?2) ON CONFLICT (job) DO UPDATE \
              SET state = 'queued', attempts = 0, asked_at = ?2, ended_at = NULL, error = NULL",

@@ -14,7 +14,7 @@ mod layered;
 mod model;
 mod point14;
 mod pointwise;
-mod predict;
+pub(super) mod predict;
 mod time;
 
 use std::fmt;

@@ -11,6 +11,7 @@ use laz::record::LayeredFieldDecompressor;
 
 use super::median::Median;
 use super::time::Times;
+use crate::format::laz::predict::RETURNS_OF_4_BITS;
 
 /// Bytes of the field.
 const SIZE: usize = 30;
@@ -25,26 +26,6 @@ const SCAN_ANGLE: usize = 5;
 const USER_DATA: usize = 6;
 const SOURCE: usize = 7;
 const TIME: usize = 8;
-
-/// The context of a point by its number of returns and its return.
-const RETURN_CONTEXT: [[u8; 16]; 16] = [
-    [0, 1, 2, 3, 4, 5, 3, 4, 4, 5, 5, 5, 5, 5, 5, 5],
-    [1, 0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3],
-    [2, 1, 2, 4, 4, 4, 4, 4, 4, 4, 4, 3, 3, 3, 3, 3],
-    [3, 3, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4],
-    [4, 3, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4],
-    [5, 3, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4],
-    [3, 3, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4],
-    [4, 3, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4],
-    [4, 3, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4],
-    [5, 3, 4, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4],
-    [5, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4],
-    [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 4, 4, 4],
-    [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 4, 4],
-    [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 4],
-    [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5],
-    [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5],
-];
 
 type Layer = ArithmeticDecoder<Cursor<Vec<u8>>>;
 
@@ -227,7 +208,7 @@ impl Context {
         // Of the pulse the first (2), the last (1), both (3), or neither.
         let place = 2 * u32::from(r == 1) + u32::from(r >= n);
 
-        let model = usize::from(RETURN_CONTEXT[usize::from(n)][usize::from(r)]) << 1 | same_time as usize;
+        let model = usize::from(RETURNS_OF_4_BITS[usize::from(n)][usize::from(r)]) << 1 | same_time as usize;
         let median = &mut self.x_differences[model];
         let difference = self.x.decompress(&mut layers[XY], median.get(), single)?;
         median.add(difference);
