@@ -50,7 +50,7 @@ fn is_json(answer: &Response) -> bool {
 fn explain(status: StatusCode, method: &Method, path: &str) -> String {
     match status {
         StatusCode::NOT_FOUND => {
-            format!("there is nothing at {path}; the README lists the addresses of the API")
+            format!("there is nothing at {path}; see /api/openapi.json for the addresses of the API")
         }
         StatusCode::METHOD_NOT_ALLOWED => {
             format!("{path} does not take {method}; the header `Allow` names what it takes")
