@@ -20,9 +20,17 @@ pub struct Source {
 
 /// A field of a raw record: whole bytes, or some bits of one byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
-    Bytes { at: usize, len: usize },
-    Bits { at: usize, shift: u8, mask: u8 },
+pub enum Place {
+    Bytes {
+        at: usize,
+        len: usize,
+    },
+    /// `byte >> shift & mask`.
+    Bits {
+        at: usize,
+        shift: u8,
+        mask: u8,
+    },
 }
 
 /// A standard field, where it lies, and whether viewers expect the attribute
@@ -113,6 +121,15 @@ fn fields(format: u8, second_color: Option<&'static str>) -> Vec<Field> {
         );
     }
     fields
+}
+
+/// The standard attributes of a point format behind the position, with where each lies
+/// in a raw record.
+pub fn standard_attributes(format: u8) -> Vec<(Attribute, Place)> {
+    fields(format, None)
+        .into_iter()
+        .map(|f| (Attribute::new(f.name, f.scalar, f.elements), f.place))
+        .collect()
 }
 
 /// Where the colour stands in a record, for the formats that have one.

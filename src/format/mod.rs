@@ -1,5 +1,6 @@
 //! Bytes of other people's formats, read and written; no policy.
 
+pub mod copc;
 pub mod crs;
 pub mod inputs;
 pub mod las;

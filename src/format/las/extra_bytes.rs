@@ -11,8 +11,8 @@ use crate::cloud::attribute::{ExtraField, Scalar};
 const DESCRIPTOR: usize = 192;
 const HAS_SCALE: u8 = 1 << 3;
 const HAS_OFFSET: u8 = 1 << 4;
-/// The name of the bytes that nothing describes.
-const UNDESCRIBED: &str = "extra bytes";
+/// The name and the description of the bytes that nothing describes.
+pub const UNDESCRIBED: (&str, &str) = ("extra bytes", "bytes of the record that the file does not describe");
 
 /// The types 1 to 10; 11 to 20 and 21 to 30 are two and three of them.
 const SCALARS: [Scalar; 10] = [
@@ -66,8 +66,8 @@ pub fn parse<'a>(
     }
     if position < record_length {
         let mut rest = ExtraField {
-            name: UNDESCRIBED.to_string(),
-            description: "bytes of the record that the file does not describe".to_string(),
+            name: UNDESCRIBED.0.to_string(),
+            description: UNDESCRIBED.1.to_string(),
             scalar: Scalar::U8,
             elements: record_length - position,
             position,
@@ -78,6 +78,11 @@ pub fn parse<'a>(
         fields.push(rest);
     }
     fields
+}
+
+/// The fields of descriptions that are known to be sound.
+pub fn described_fields(data: &[u8], standard_length: usize, record_length: usize) -> Vec<ExtraField> {
+    parse([data].into_iter(), standard_length, record_length, &mut Vec::new())
 }
 
 /// One description without its position; nothing for a type that LAS does not
@@ -123,7 +128,7 @@ fn double_at(bytes: &[u8], at: usize) -> f64 {
 /// viewers find attributes by their names.
 fn name_uniquely(field: &mut ExtraField, before: &[ExtraField]) {
     if field.name.is_empty() {
-        field.name = format!("{UNDESCRIBED} {}", before.len() + 1);
+        field.name = format!("{} {}", UNDESCRIBED.0, before.len() + 1);
     }
     let name = field.name.clone();
     let mut number = 2;
@@ -261,7 +266,7 @@ mod tests {
         let mut notes = Vec::new();
         let fields = parse([data.as_slice()].into_iter(), 20, 22, &mut notes);
         assert_eq!(fields.len(), 2);
-        assert_eq!((fields[1].name.as_str(), fields[1].elements), (UNDESCRIBED, 1));
+        assert_eq!((fields[1].name.as_str(), fields[1].elements), (UNDESCRIBED.0, 1));
         assert_eq!(notes.len(), 1);
     }
 

@@ -36,13 +36,14 @@ mod writer;
 
 pub use crs::{Crs, CrsSource};
 pub use error::LasError;
+pub use extra_bytes::{UNDESCRIBED, described_fields};
 pub use gps_time::GpsTime;
 pub use header::{Created, Header};
 pub use layout::Layout;
 pub use readable::Checked;
 pub use reader::{LasFile, Slice};
 pub use tally::returns_of;
-pub use vlr::Vlr;
+pub use vlr::{Vlr, text as field_text};
 pub use writer::{LasOptions, LasWriter};
 
 /// How much a file is believed, and how much is made of one that is broken.
