@@ -4,7 +4,7 @@
 //! # The floor plan
 //!
 //! The modules below stand in import order: a room imports only from rooms
-//! above it, and `tests/floor_plan.rs` reads every `use crate::` to hold them
+//! above it, and `tests/cases/floor_plan/` reads every `use crate::` to hold them
 //! to this. The way of a point cloud through the house:
 //!
 //! ```text

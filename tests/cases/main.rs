@@ -1,5 +1,5 @@
-//! Faults that users, operators and attackers found, each with its right value.
-//! One binary, one module for each area.
+//! The integration tests: conversions, the daemon, its pages and readers, and what
+//! users, operators and attackers broke. One binary, one module for each area.
 //!
 //! Files that cannot be made here come from the folder that `LODESTONE_CASES`
 //! names; continuous integration sets it. Without it those tests pass by not
@@ -13,14 +13,23 @@ mod daemon_support;
 mod engine_support;
 
 mod attacks;
+mod conversion;
+mod daemon;
+mod deploy;
+mod drawing;
+mod floor_plan;
 mod formats;
 mod inputs;
+mod kernels;
 mod laz;
 mod messages;
+mod needs;
 mod page;
 mod pictures;
+mod report;
 mod served;
 mod sources;
+mod viewer;
 
 use std::path::PathBuf;
 

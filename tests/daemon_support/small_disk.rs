@@ -11,7 +11,7 @@ const INSIDE: &str = "LODESTONE_INSIDE_NAMESPACE";
 /// Set where a test that cannot run is a failure.
 const INSISTS: &str = "LODESTONE_SMALL_DISKS";
 
-/// Runs the test of this name again, where it may mount. True for the one that is
+/// Runs the test of this full name again, where it may mount. True for the one that is
 /// to do the work; the one outside has nothing left to do.
 pub fn inside(test: &str) -> bool {
     if std::env::var_os(INSIDE).is_some() {

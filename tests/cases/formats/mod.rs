@@ -2,6 +2,7 @@
 
 mod compatible;
 mod extremes;
+mod las_files;
 mod names;
 mod reference;
 mod versions;

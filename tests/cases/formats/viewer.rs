@@ -31,7 +31,7 @@ fn is_wanted() -> bool {
 static SCRIPTS: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("potree");
     fs::create_dir_all(&folder).unwrap();
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/viewer/potree");
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer/potree");
     for name in ["package.json", "transform.mjs", "draw.mjs"] {
         fs::copy(scripts.join(name), folder.join(name)).unwrap();
     }

@@ -36,7 +36,7 @@ fn viewer() -> Option<PathBuf> {
     {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("elsewhere");
         fs::create_dir_all(&folder).expect("made");
-        let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/viewer");
+        let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer");
         for name in ["package.json", "elsewhere.html", "elsewhere.mjs"] {
             fs::copy(scripts.join(name), folder.join(name)).expect("copied");
         }

@@ -1,0 +1,7 @@
+//! `lodestone report`: the page, and its charts as a browser lays them out.
+
+mod browser;
+mod charts;
+mod markup;
+mod report;
+mod sample;
