@@ -103,6 +103,23 @@ impl Cube {
         }
     }
 
+    /// World length by which the cube can be moved down and still divide the same points:
+    /// half of the distance that tree coordinates can have from a node's face.
+    pub fn margin(&self) -> f64 {
+        /// Parts of a unit at most that positions are multiples of.
+        const MAX_PARTS: u64 = 64;
+        let parts = match self.to_tree {
+            ToTree::Shift(shift) => 1 << shift,
+            ToTree::Stretch(factors) => factors
+                .iter()
+                .map(|factor| {
+                    (1..=MAX_PARTS).find(|parts| is_whole(factor.wrapping_mul(*parts))).unwrap_or(MAX_PARTS)
+                })
+                .fold(1, |all, parts| lcm(all, parts).min(MAX_PARTS * MAX_PARTS)),
+        };
+        self.unit / (2 * parts) as f64
+    }
+
     /// World length of the side.
     pub fn side(&self) -> f64 {
         self.unit * (1u64 << self.bits) as f64
@@ -112,6 +129,19 @@ impl Cube {
     pub fn spacing(&self) -> f64 {
         self.side() / f64::from(1u32 << SPACING_BITS)
     }
+}
+
+/// Whether a factor of a stretched axis is a whole number, but for its last bits.
+fn is_whole(factor: u64) -> bool {
+    (factor as u32).wrapping_add(64) <= 128
+}
+
+fn lcm(a: u64, b: u64) -> u64 {
+    let (mut x, mut y) = (a, b);
+    while y > 0 {
+        (x, y) = (y, x % y);
+    }
+    a / x * b
 }
 
 /// Bits that hold the value.
@@ -178,6 +208,16 @@ mod tests {
         assert_eq!(cube.bits, 31);
         assert_eq!(cube.tree([i32::MAX; 3]), [(1 << 31) - 1; 3]);
         assert!(cube.holds(cube.tree([i32::MAX; 3])));
+    }
+
+    #[test]
+    fn the_margin_is_half_of_what_positions_are_apart() {
+        let margin = |scale: [f64; 3], max: i32| Cube::around(&lattice(scale, [0; 3], [max; 3])).margin();
+        assert_eq!(margin([0.01; 3], 1000), 0.005);
+        let whole = Cube::around(&lattice([0.5; 3], [i32::MIN; 3], [i32::MAX; 3]));
+        assert_eq!(whole.margin(), 0.25, "half a unit of the lattice, not of the tree");
+        assert_eq!(margin([0.01, 0.01, 0.001], 1000), 0.0005);
+        assert_eq!(margin([0.01, 0.01, 0.004], 1000), 0.001);
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod attribute;
 pub mod census;
 pub mod cube;
 pub mod lattice;
+pub mod moments;
 pub mod mover;
 mod naming;
 pub mod node;

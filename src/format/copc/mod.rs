@@ -7,11 +7,16 @@
 
 mod chunk;
 mod descriptor;
+pub mod file;
+pub mod hierarchy;
 mod layout;
 mod moves;
+mod statistics;
 
 pub use chunk::{ChunkDecoder, ChunkEncoder};
 pub use descriptor::Described;
+pub use file::{CopcCube, Head, Places, Record, Tail, Totals, tail};
+pub use hierarchy::Entry;
 pub use layout::Layout;
 
 /// Why something cannot be written as COPC, or cannot be read.

@@ -31,6 +31,7 @@ mod source;
 mod stream;
 mod tally;
 mod turnstile;
+mod variable;
 mod vlr;
 mod writer;
 
@@ -43,6 +44,7 @@ pub use layout::Layout;
 pub use readable::Checked;
 pub use reader::{LasFile, Slice};
 pub use tally::returns_of;
+pub use variable::{chunk_table, laszip_record, read_chunk_table};
 pub use vlr::{Vlr, text as field_text};
 pub use writer::{LasOptions, LasWriter};
 
