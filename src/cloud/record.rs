@@ -204,6 +204,8 @@ pub struct Unified {
     /// Names that were left out because others were asked for.
     pub left_out: Vec<String>,
     movers: Vec<Mover>,
+    /// By source, the attribute of each of its extra fields.
+    extra: Vec<Vec<String>>,
 }
 
 impl Unified {
@@ -219,6 +221,7 @@ impl Unified {
     ) -> Unified {
         let mut merged: Vec<(Attribute, bool)> = Vec::new();
         let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
+        let mut extra = Vec::new();
         for (source, ored) in sources {
             let mut of_source = Vec::new();
             let standard = fields(source.format, second_color).len();
@@ -229,6 +232,7 @@ impl Unified {
                 let index = merge(&mut merged, attribute, used, is_extra, &taken);
                 of_source.push((index, place));
             }
+            extra.push(of_source[standard..].iter().map(|(i, _)| merged[*i].0.name.clone()).collect());
             places.push(of_source);
         }
         let wants = |name: &str| {
@@ -252,7 +256,12 @@ impl Unified {
             }
         }
         let movers = places.iter().map(|p| Mover::new(p, &offsets, at)).collect();
-        Unified { schema, unused, left_out, movers }
+        Unified { schema, unused, left_out, movers, extra }
+    }
+
+    /// The names that a source's extra fields have as attributes, in their order.
+    pub fn extra_names(&self, source: usize) -> &[String] {
+        &self.extra[source]
     }
 
     /// How to move the fields of a source's records.

@@ -367,7 +367,8 @@ mod tests {
         ) {
             let mut keys = vec![NodeKey::ROOT];
             for key in 0..200 {
-                keys.extend((0..8).map(|index| keys[key].child(index)));
+                let key: NodeKey = keys[key];
+            keys.extend((0..8).map(|index| key.child(index)));
             }
             let entries: Vec<Entry> = keys.into_iter().zip(0..).map(|(key, number)| entry(key, number)).collect();
             let mut pages = pages(&entries, 0);
@@ -389,7 +390,8 @@ mod tests {
     fn large_hierarchies_have_pages_within_pages() {
         let mut keys = vec![NodeKey::ROOT];
         for key in 0..2_000 {
-            keys.extend((0..8).map(|index| keys[key].child(index)));
+            let key: NodeKey = keys[key];
+            keys.extend((0..8).map(|index| key.child(index)));
         }
         let entries: Vec<Entry> = keys.iter().zip(0..).map(|(key, number)| entry(*key, number)).collect();
         let pages = pages(&entries, 0);

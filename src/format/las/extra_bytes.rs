@@ -80,6 +80,17 @@ pub fn parse<'a>(
     fields
 }
 
+/// The descriptions that [`parse`] makes fields of, by the fields' names; those of bytes
+/// that nothing describes have none.
+pub fn descriptors<'a>(
+    data: impl Iterator<Item = &'a [u8]>,
+    fields: &[ExtraField],
+) -> Vec<(String, Vec<u8>)> {
+    let descriptors = data.flat_map(|vlr| vlr.chunks_exact(DESCRIPTOR));
+    let of_fields = descriptors.filter(|d| parse_descriptor(d).is_none_or(|field| field.elements > 0));
+    fields.iter().zip(of_fields).map(|(field, bytes)| (field.name.clone(), bytes.to_vec())).collect()
+}
+
 /// The fields of descriptions that are known to be sound.
 pub fn described_fields(data: &[u8], standard_length: usize, record_length: usize) -> Vec<ExtraField> {
     parse([data].into_iter(), standard_length, record_length, &mut Vec::new())

@@ -38,6 +38,8 @@ pub struct LasFile {
     compatible: Option<Compatible>,
     /// Where GPS times are to count from elsewhere.
     pub(super) time_shift: Option<TimeShift>,
+    /// The descriptions of extra fields, by name.
+    descriptors: Vec<(String, Vec<u8>)>,
 }
 
 /// Consecutive points of a file, as [`LasFile::slices`] cut them.
@@ -94,6 +96,8 @@ impl LasFile {
         let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
         let standard = super::record_length(header.point_format).unwrap_or(points.record_length);
         header.extra = extra_bytes::parse(descriptions, standard, points.record_length, &mut notes);
+        let descriptions = records.iter().filter(|r| r.is("LASF_Spec", 4)).map(|r| r.data.as_slice());
+        let descriptors = extra_bytes::descriptors(descriptions, &header.extra);
         let compatible = compatible::recognize(&mut header, &records);
         header.crs = crs::find(&records, is_crs_wkt, &mut notes);
         header.crs_records = crs::records(records);
@@ -108,9 +112,18 @@ impl LasFile {
             most_slice: MOST_SLICE,
             compatible,
             time_shift: None,
+            descriptors,
         };
         file.bound_slices(MOST_SLICE);
         Ok(file)
+    }
+
+    /// The description of each of the header's extra fields as the file has it: 192 bytes
+    /// (LAS 1.4 R15, table 24), with what a field's no-data value is. None of bytes that
+    /// nothing describes.
+    pub fn extra_descriptors(&self) -> Vec<Option<&[u8]>> {
+        let of = |name: &String| self.descriptors.iter().find(|(other, _)| other == name);
+        self.header.extra.iter().map(|field| of(&field.name).map(|(_, bytes)| bytes.as_slice())).collect()
     }
 
     /// Whether the file is finished by its own word: its header counts the
