@@ -156,7 +156,8 @@ pub fn compressed(
     let bytes = end.min(source.bytes()).saturating_sub(start);
     let locator = Locator {
         source,
-        chunking: chunking(&record.data, &vlr).map_err(|reason| LasError::unsupported(path, reason))?,
+        chunking: chunking(&record.data, &vlr, coding.layered)
+            .map_err(|reason| LasError::unsupported(path, reason))?,
         coding: &coding,
         start,
         end,
@@ -178,8 +179,17 @@ pub fn compressed(
 
 /// How a LASzip record says that chunks are cut. The compressor is the first
 /// number of the record; `laz` keeps it to itself.
-fn chunking(data: &[u8], vlr: &LazVlr) -> Result<Chunking, String> {
+///
+/// Layers only exist in chunks, whose fronts say how many bytes they take. Held against
+/// the bytes that there are, those are what memory is prepared for; a stream of layers
+/// has no such front, and no writer makes one.
+fn chunking(data: &[u8], vlr: &LazVlr, layered: bool) -> Result<Chunking, String> {
     match u16::from_le_bytes([data[0], data[1]]) {
+        kind if kind == CompressorType::PointWise as u16 && layered => {
+            Err("its LASzip record says one stream without chunks, and its points come in layers, \
+                 which only chunks have"
+                .to_string())
+        }
         kind if kind == CompressorType::PointWise as u16 => Ok(Chunking::Whole),
         kind if kind == CompressorType::None as u16 => {
             Err("its LASzip record says that it is not compressed".to_string())

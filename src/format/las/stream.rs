@@ -170,6 +170,8 @@ impl Stream {
                 window.seek(SeekFrom::Start(chunk.at)).map_err(|e| e.to_string())?;
                 self.left = chunk.points;
             }
+            // Nobody has held the sizes of its layers against the file.
+            Layout::Stream { .. } if coding.layered => return Err("layers lie in chunks".to_string()),
             Layout::Stream { chunk_points, .. } => {
                 self.left = chunk_points.map_or(u64::MAX, u64::from);
             }

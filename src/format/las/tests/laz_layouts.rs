@@ -296,3 +296,47 @@ fn a_chunk_too_large_to_decode_whole_is_read_in_parts() {
         assert!(records.chunks_exact(3020).all(|r| r == record));
     }
 }
+
+/// Found by fuzzing: what the front of such a stream says of its layers was prepared for
+/// in memory, and nothing had held it against the file.
+#[test]
+fn layers_without_chunks_are_refused() {
+    for (point_format, fixed) in [(6, Some(100)), (7, None), (10, Some(100))] {
+        let mut made = Handmade::new(point_format, fixed, &[100, 100, 30]);
+        let laszip = made.points_at - laszip_length(&made.bytes[..made.points_at]);
+        made.bytes[laszip..laszip + 2].copy_from_slice(&1u16.to_le_bytes());
+        // The sizes of its layers, wherever they are looked for.
+        let record = made.records.len() / 230;
+        for start in [made.points_at, made.points_at + 8] {
+            let mut front = made.bytes.clone();
+            front[start + record + 4..start + record + 12]
+                .copy_from_slice(&[0xFF, 0xFF, 0xFF, 0x2D].repeat(2));
+            let spoiled = Handmade { bytes: front, records: Vec::new(), ..made };
+            for reading in [Reading::Whole, Reading::Strict, Reading::Readable] {
+                let error = spoiled.open_as(reading).unwrap_err().to_string();
+                assert!(error.contains("only chunks have"), "format {point_format}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sizes_of_layers_beyond_the_file_are_an_error() {
+    for (point_format, fixed) in [(6, Some(100)), (7, None), (8, Some(100)), (10, None)] {
+        for with_table in [true, false] {
+            let mut made = Handmade::new(point_format, fixed, &[100, 100, 30]);
+            if !with_table {
+                made.bytes.truncate(made.table_at);
+                made.set_table_at(-1);
+            }
+            let size_at = made.points_at + 8 + made.records.len() / 230 + 4 + 4;
+            made.bytes[size_at..size_at + 4].copy_from_slice(&0x2E00_0000u32.to_le_bytes());
+            // Whole chunks, and portions of them.
+            for most in [1 << 20, 1000] {
+                let Ok(mut file) = made.open() else { continue };
+                file.bound_slices(most);
+                assert!(read_all(&file, 10_000).is_err(), "format {point_format}");
+            }
+        }
+    }
+}
