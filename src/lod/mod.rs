@@ -3,7 +3,9 @@
 //! Pure and single-threaded: one chunk's points in, its nodes out. Two threads
 //! never share a tree, so no result depends on their timing.
 
+pub mod acquisition;
 pub mod average;
+pub mod collapse;
 pub mod grid;
 pub mod nearest;
 pub mod order;

@@ -47,6 +47,8 @@ pub struct Header {
     pub software: String,
     pub system: String,
     pub created: Option<Created>,
+    /// Its bits as they stand in the header (LAS 1.4 R15, table 4).
+    pub global_encoding: u16,
     /// Bytes of the file.
     pub file_bytes: u64,
     /// Oddities that were tolerated, in words for a person.
@@ -54,7 +56,7 @@ pub struct Header {
 }
 
 /// The day on which a file was made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Created {
     pub year: u16,
     /// 1 is the first of January.
@@ -316,6 +318,7 @@ impl Front {
             system: vlr::text(&raw.system_identifier),
             // LAS is of 2003; before that there is only what was never set.
             created: (created.year >= 1990 && (1..=366).contains(&created.day)).then_some(created),
+            global_encoding: raw.global_encoding,
             file_bytes: source.bytes(),
             notes: Vec::new(),
         }

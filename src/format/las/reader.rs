@@ -26,7 +26,7 @@ const MOST_CHUNK: u64 = 4_000_000;
 /// A LAS or LAZ file, open for reading.
 #[derive(Debug)]
 pub struct LasFile {
-    source: Arc<Source>,
+    pub(super) source: Arc<Source>,
     pub(super) header: Header,
     pub(super) body: Body,
     /// Where its chunks lie, if that is not where their table says.

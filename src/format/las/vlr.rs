@@ -7,7 +7,7 @@ use super::error::LasError;
 use super::source::Source;
 
 /// Bytes in front of a record's data, and of an extended one's.
-const FRONT: u64 = 54;
+pub(super) const FRONT: u64 = 54;
 const EXTENDED_FRONT: u64 = 60;
 /// Data of records that is kept of a file, in all; the longest that can mean anything
 /// are GeoTIFF's numbers of 64-bit floats, 512 KiB of them, and WKT. More is passed over.
