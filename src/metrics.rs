@@ -34,6 +34,8 @@ pub struct Metrics {
     pub points_set_aside: IntCounterVec,
     pub input_bytes: IntCounter,
     pub output_bytes: IntCounter,
+    pub copc_files: IntCounter,
+    pub copc_bytes: IntCounter,
     pub free_bytes: IntGaugeVec,
     pub scratch_bytes: IntGauge,
     pub watched_folders: IntGaugeVec,
@@ -120,7 +122,13 @@ impl Metrics {
                 "reason",
             )?,
             input_bytes: counter(r, "lodestone_input_bytes_total", "Bytes of converted files.")?,
-            output_bytes: counter(r, "lodestone_output_bytes_total", "Bytes of published octrees.")?,
+            output_bytes: counter(
+                r,
+                "lodestone_output_bytes_total",
+                "Bytes of published octrees and COPC files.",
+            )?,
+            copc_files: counter(r, "lodestone_copc_files_total", "Published COPC files.")?,
+            copc_bytes: counter(r, "lodestone_copc_bytes_total", "Bytes of published COPC files.")?,
             free_bytes: gauges(r, "lodestone_free_bytes", "Room on the disk of a folder.", "folder")?,
             scratch_bytes: gauge(r, "lodestone_scratch_bytes", "Bytes of intermediate files.")?,
             watched_folders: gauges(

@@ -11,11 +11,12 @@ use crate::disk::Disk;
 use crate::engine::conduct::{self, Outcome, Request};
 use crate::format::crs;
 use crate::stage::context::{Cancel, Context, Progress};
+use crate::stage::formats::Formats;
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::stage::staging::{staging_folder, within_a_name};
 use crate::words::Plain;
 
-/// Convert LAS/LAZ files or folders into one Potree 2.0 octree
+/// Convert LAS/LAZ files or folders into one Potree 2.0 octree, one COPC file, or both
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// LAS or LAZ files, folders that hold some, or @LIST, a file that names one of these a line
@@ -24,6 +25,9 @@ pub struct Arguments {
     /// The folder that becomes the octree
     #[arg(short, long, visible_alias = "outdir", value_name = "DIR")]
     output: PathBuf,
+    /// What is written: a Potree octree, a COPC file, or both: potree, copc, or potree,copc
+    #[arg(long, value_name = "FORMATS", default_value = "potree")]
+    format: Formats,
     /// How coarse levels choose their points
     #[arg(short = 'm', long, visible_alias = "method", ignore_case = true, default_value = "poisson")]
     sampling: Sampling,
@@ -105,6 +109,7 @@ pub fn run(arguments: Arguments) -> Exit {
             attributes: arguments.attributes,
             name: arguments.name,
             crs: arguments.crs,
+            format: arguments.format,
         },
         // Hashing would read every file once more.
         hashes: HashMap::new(),
@@ -176,6 +181,15 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
         seconds,
         outcome.points_out as f64 / seconds / 1e6,
     );
+    if let Some(copc) = &outcome.copc {
+        say!(
+            "{}: COPC of {} nodes, point format {}, {:.1} MB",
+            Plain(request.output.join(&copc.file).display()),
+            super::grouped(copc.nodes),
+            copc.point_format,
+            copc.bytes as f64 / 1e6,
+        );
+    }
     match outcome.lod_color {
         LodColor::Keep if request.options.lod_color == LodColor::Keep => {}
         LodColor::Keep => say!("no colours were averaged, for there is no `rgb`"),

@@ -12,6 +12,7 @@ use super::logging::LogFormat;
 use super::size::Size;
 use super::sources::OnDone;
 use crate::render::colour::ColorBy;
+use crate::stage::formats::Formats;
 use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Sampling};
 use crate::words;
 
@@ -110,6 +111,10 @@ pub struct Layer {
     /// How long ended jobs without an octree stay in the list, in days; 0 is for ever [default: 90].
     #[arg(long, env = "LODESTONE_KEEP_DAYS", value_name = "DAYS")]
     pub keep_days: Option<f64>,
+    /// What is written: a Potree octree, a COPC file, or both: potree, copc, or potree,copc
+    /// [default: potree].
+    #[arg(long, env = "LODESTONE_FORMAT", value_name = "FORMATS")]
+    pub format: Option<Formats>,
     /// How nodes are sampled [default: poisson].
     #[arg(long, env = "LODESTONE_SAMPLING", value_enum, ignore_case = true)]
     pub sampling: Option<Sampling>,
@@ -227,6 +232,7 @@ impl Layer {
             hook_seconds: self.hook_seconds.or(other.hook_seconds),
             stall_minutes: self.stall_minutes.or(other.stall_minutes),
             keep_days: self.keep_days.or(other.keep_days),
+            format: self.format.or(other.format),
             sampling: self.sampling.or(other.sampling),
             encoding: self.encoding.or(other.encoding),
             lod_color: self.lod_color.or(other.lod_color),

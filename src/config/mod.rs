@@ -177,6 +177,7 @@ impl Config {
             stall: span("stall_minutes", layer.stall_minutes, 30.0, MINUTE)?,
             keep: span("keep_days", layer.keep_days, 90.0, DAY)?,
             options: Options {
+                format: layer.format.unwrap_or_default(),
                 sampling: layer.sampling.unwrap_or_default(),
                 encoding: layer.encoding.unwrap_or_default(),
                 lod_color: layer.lod_color.unwrap_or_default(),
@@ -237,6 +238,7 @@ impl Config {
             hook_seconds: seconds(self.hook_limit),
             stall_minutes: Some(self.stall.unwrap_or(0) as f64 / MINUTE),
             keep_days: Some(self.keep.unwrap_or(0) as f64 / DAY),
+            format: Some(self.options.format),
             sampling: Some(self.options.sampling),
             encoding: Some(self.options.encoding),
             lod_color: Some(self.options.lod_color),
@@ -345,7 +347,7 @@ mod tests {
         let config =
             Config::from_layer(layer("settle_seconds = 0.25\nmemory_limit = '2G'\nwatch = ['a', 'b c']\n\
                  on_done = 'move'\nhook_done = ['a b', '-c']\nhook_failed = '/d e'\nstall_minutes = 0.5\nkeep_days = 0\n\
-                 lod_color = 'average'\npreview = false\npreview_frames = 72\npreview_color = 'height'\n\
+                 format = 'potree,copc'\nlod_color = 'average'\npreview = false\npreview_frames = 72\npreview_color = 'height'\n\
                  upload = false\nupload_limit = '3G'"))
                 .expect("a configuration");
         assert_eq!((config.stall, config.keep), (Some(30_000), None));
@@ -356,7 +358,7 @@ mod tests {
     #[test]
     fn values_are_read_in_any_letter_case() {
         let config = Config::from_layer(layer(
-            "sampling = 'Random'\nencoding = 'brotli'\nlod_color = 'AVERAGE'\noutliers = 'Set_Aside'\n\
+            "sampling = 'Random'\nformat = ['COPC']\nencoding = 'brotli'\nlod_color = 'AVERAGE'\noutliers = 'Set_Aside'\n\
              damaged = 'Keep'\non_done = 'MOVE'\npreview_color = 'Height'\npreview = 'No'\nlog = 'debug'\n\
              log_format = 'JSON'\nopen_to_network = 1",
         ))
@@ -364,6 +366,7 @@ mod tests {
         let text = toml::to_string(&config.to_layer()).expect("TOML");
         for line in [
             "sampling = \"random\"",
+            "format = \"copc\"",
             "encoding = \"BROTLI\"",
             "outliers = \"set-aside\"",
             "on_done = \"move\"",

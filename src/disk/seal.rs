@@ -6,8 +6,13 @@ use std::path::Path;
 
 use super::others::{self, Links};
 
-/// The files that make an octree.
+/// The files that make an octree; a COPC file may stand beside them, or alone.
 const FILES: [&str; 3] = ["metadata.json", "hierarchy.bin", "octree.bin"];
+/// How the name of a COPC file ends.
+const COPC: &str = ".copc.laz";
+/// Bytes at the beginning of one that describe it: its header, with bounds and counts,
+/// and what stands between that and its points.
+const COPC_HEAD: u64 = 64 << 10;
 /// No description of an octree is longer.
 const LONGEST: u64 = 16 << 20;
 
@@ -22,19 +27,61 @@ pub fn seal(folder: &Path) -> Option<String> {
 
 fn sealed(folder: &Path) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
-    let (file, _) = others::open_file(&folder.join(FILES[0]), Links::Followed).ok()?;
-    hasher.update_reader(file.take(LONGEST)).ok()?;
-    for name in FILES {
-        let size = std::fs::symlink_metadata(folder.join(name)).map_or(u64::MAX, |meta| meta.len());
-        hasher.update(&size.to_le_bytes());
+    let files = copc_files(folder)?;
+    let metadata = folder.join(FILES[0]);
+    if files.is_empty() || metadata.symlink_metadata().is_ok() {
+        let (file, _) = others::open_file(&metadata, Links::Followed).ok()?;
+        hasher.update_reader(file.take(LONGEST)).ok()?;
+        for name in FILES {
+            let size = std::fs::symlink_metadata(folder.join(name)).map_or(u64::MAX, |meta| meta.len());
+            hasher.update(&size.to_le_bytes());
+        }
+    }
+    for name in files {
+        let (file, meta) = others::open_file(&folder.join(&name), Links::Followed).ok()?;
+        hasher.update(name.as_bytes());
+        hasher.update(&meta.len().to_le_bytes());
+        hasher.update_reader(file.take(COPC_HEAD)).ok()?;
     }
     Some(hasher.finalize().to_hex()[..32].to_string())
+}
+
+/// The names of the COPC files in a folder, sorted.
+fn copc_files(folder: &Path) -> Option<Vec<String>> {
+    let names =
+        std::fs::read_dir(folder).ok()?.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut files: Vec<String> =
+        names.filter(|name| name.ends_with(COPC) && !name.starts_with('.')).collect();
+    files.sort();
+    Some(files)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs;
+
+    #[test]
+    fn a_copc_file_is_known_again_alone_and_beside_an_octree() {
+        let root = tempfile::tempdir().expect("a folder");
+        let folder = root.path().join("a");
+        fs::create_dir(&folder).expect("made");
+        let file = folder.join("a.copc.laz");
+        fs::write(&file, "LASF 1").expect("written");
+        let alone = seal(&folder).expect("there");
+        assert_eq!(alone.len(), 32);
+        fs::write(&file, "LASF 2").expect("another");
+        assert_ne!(seal(&folder).as_ref(), Some(&alone));
+        fs::write(&file, "LASF 1").expect("the first again");
+        assert_eq!(seal(&folder).as_ref(), Some(&alone));
+        fs::write(folder.join("report.json"), "{}").expect("written");
+        assert_eq!(seal(&folder).as_ref(), Some(&alone));
+        fs::write(folder.join("metadata.json"), "{}").expect("written");
+        let both = seal(&folder).expect("there");
+        assert_ne!(both, alone);
+        fs::remove_file(&file).expect("removed");
+        assert_ne!(seal(&folder).as_ref(), Some(&both));
+    }
 
     #[test]
     fn an_octree_is_known_again_and_nothing_else_is() {

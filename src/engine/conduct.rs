@@ -15,6 +15,7 @@ use crate::disk::{self, DirLock, Disk};
 use crate::format::inputs;
 use crate::format::las::LasError;
 use crate::stage::context::{Context, Stage};
+use crate::stage::copc::CopcFile;
 use crate::stage::distribute::distribute;
 use crate::stage::error::StageError;
 use crate::stage::index::index;
@@ -62,11 +63,15 @@ pub struct Outcome {
     /// Files in the octree's folder that hold them.
     pub files_aside: Vec<String>,
     pub nodes: u64,
-    /// Level of the deepest node.
+    /// Level of the deepest node. Of nodes and levels, the octree's, or where there is
+    /// none, those of the COPC file.
     pub depth: u32,
     pub chunks: u64,
-    /// Bytes of the octree's three files.
+    /// Bytes of the files that were asked for: an octree's three, the COPC file.
     pub output_bytes: u64,
+    /// The COPC file, where one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub copc: Option<CopcFile>,
     /// Bytes of intermediate files.
     pub scratch_bytes: u64,
     /// Whether every position is exactly where the input has it.
@@ -268,19 +273,17 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
 
     let survey =
         times.measure(Stage::Survey, || survey::survey(opened, options, scratch.as_deref(), context))?;
-    let octree_file = staging.octree_file(&survey, scratch.as_ref(), options, context)?;
+    let files = staging.output_files(&survey, scratch.as_ref(), options, &request.output, context)?;
     let runs = times.measure(Stage::Distribute, || distribute(&survey, scratch.as_ref(), context))?;
-    let mut indexed =
-        times.measure(Stage::Index, || index(&survey, &runs, &octree_file, options, context))?;
+    let mut indexed = times.measure(Stage::Index, || index(&survey, &runs, &files, options, context))?;
     let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
     let files_aside = times.measure(Stage::Index, || {
         set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)
     })?;
     drop(runs);
     let mut statistics = indexed.statistics.clone();
-    let merged = times.measure(Stage::Merge, || {
-        merge(&survey, indexed, &octree_file, scratch.as_ref(), options, context)
-    })?;
+    let merged = times
+        .measure(Stage::Merge, || merge(&survey, indexed, &files, scratch.as_ref(), options, context))?;
     statistics.merge(&merged.statistics);
     let set_aside = set_aside::tally(&aside);
     let points_aside = set_aside.values().sum();
@@ -290,13 +293,18 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         for input in &survey.inputs {
             input.las.check_unchanged()?;
         }
-        let (nodes, length) = octree_file.finish()?;
-        let octree =
-            Octree { survey: &survey, nodes: &nodes, length, statistics: &statistics, aside: points_aside };
+        let octree = Octree {
+            survey: &survey,
+            files: &files.finish()?,
+            statistics: &statistics,
+            moments: &merged.moments,
+            aside: points_aside,
+        };
         publish::complete(&octree, &staging.folder, &request.output, options, context)
     })?;
     let mut notes = [survey.notes.as_slice(), &survey.lattice.notes()].concat();
     notes.extend(notes::odd_values(&survey.unified.schema, &statistics));
+    notes.extend(survey.copc.as_ref().and_then(|_| notes::odd_returns(&survey.unified.schema, &statistics)));
     notes.extend(notes::kept_out(&set_aside, &files_aside, options));
     notes.extend((survey.missing > 0).then(|| {
         let promised = survey.points + survey.missing;
@@ -315,6 +323,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         depth: completed.depth,
         chunks: survey.plan.chunks.len() as u64,
         output_bytes: completed.bytes,
+        copc: completed.copc,
         scratch_bytes: scratch.as_ref().map_or(Ok(0), |scratch| scratch.bytes())?,
         exact: survey.lattice.is_exact(),
         max_error_units: survey.lattice.error_in_units(),
@@ -354,7 +363,7 @@ fn open_scratch(
     }
     let identity = opened.identity(&request.options, &request.output);
     let mut scratch = Scratch::open(&context.disk, context.scratch.clone(), identity)?;
-    if !staging.holds(&scratch) {
+    if !staging.holds(&scratch, &request.options, &request.output) {
         tracing::warn!(folder = %staging.folder.display(), "the octree in the making is gone or cut");
         scratch.past.built.clear();
     }

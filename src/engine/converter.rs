@@ -42,6 +42,8 @@ pub struct Report {
     /// Points that were kept out, by reason.
     pub set_aside: Vec<(&'static str, u64)>,
     pub output_bytes: u64,
+    /// Of them, those of the COPC file, where one was made.
+    pub copc_bytes: Option<u64>,
     pub seconds_by_stage: Vec<(&'static str, f64)>,
     /// What was odd about the inputs, and what was done about it.
     pub warnings: Vec<String>,
@@ -105,6 +107,7 @@ impl Converter for Conduct {
             points_missing: outcome.points_missing,
             set_aside: outcome.set_aside.iter().map(|(reason, points)| (reason.name(), *points)).collect(),
             output_bytes: outcome.output_bytes,
+            copc_bytes: outcome.copc.as_ref().map(|file| file.bytes),
             seconds_by_stage: outcome.seconds_by_stage.iter().map(|(stage, s)| (stage.name(), *s)).collect(),
             warnings: outcome.repairs.iter().chain(&outcome.notes).cloned().collect(),
             json: told(&work.output, &outcome),

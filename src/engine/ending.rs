@@ -98,6 +98,10 @@ impl Engine {
             }
             metrics.input_bytes.inc_by(running.job.bytes);
             metrics.output_bytes.inc_by(report.output_bytes);
+            if let Some(bytes) = report.copc_bytes {
+                metrics.copc_files.inc();
+                metrics.copc_bytes.inc_by(bytes);
+            }
             for (stage, seconds) in &report.seconds_by_stage {
                 metrics.stage_seconds.with_label_values(&[stage]).observe(*seconds);
             }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::cloud::attribute::Schema;
+use crate::cloud::attribute::{Attribute, Schema};
 use crate::cloud::statistics::Statistics;
 use crate::stage::options::{Mode, Options};
 use crate::stage::set_aside::Reason;
@@ -21,6 +21,18 @@ pub(super) fn kept_out(
         }
     });
     told.collect()
+}
+
+/// Says of points that are no return that a COPC file's header does not count them among
+/// its returns.
+pub(super) fn odd_returns(schema: &Schema, statistics: &Statistics) -> Option<String> {
+    let is_number = |attribute: &Attribute| attribute.name == "return number";
+    let found = schema.attributes.iter().position(is_number).and_then(|at| statistics.attributes.get(at));
+    let none = found?.histogram.as_ref()?.first().copied().filter(|count| *count > 0)?;
+    Some(format!(
+        "{none} points have return number 0, which LAS does not know: kept as they are, though validators of \
+         COPC complain of it"
+    ))
 }
 
 /// Says which attributes have values that are no numbers: they are kept as they

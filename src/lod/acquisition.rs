@@ -56,12 +56,7 @@ pub struct Sorter {
 
 impl Sorter {
     /// Sorts points, given as numbers that rise in the order of the input.
-    pub fn sort(
-        &mut self,
-        indices: &mut [u32],
-        time: impl Fn(u32) -> f64,
-        at: impl Fn(u32) -> [u32; 3],
-    ) {
+    pub fn sort(&mut self, indices: &mut [u32], time: impl Fn(u32) -> f64, at: impl Fn(u32) -> [u32; 3]) {
         self.keys.clear();
         self.keys.extend(indices.iter().map(|index| Key { time: total_order(time(*index)), index: *index }));
         self.keys.sort_unstable();

@@ -104,7 +104,11 @@ mod tests {
     use proptest::prelude::*;
 
     /// A tree as it is given: nodes with their own points, children first.
-    fn walk(node: NodeKey, points: &mut dyn FnMut(NodeKey) -> Option<usize>, out: &mut Vec<(NodeKey, usize)>) {
+    fn walk(
+        node: NodeKey,
+        points: &mut dyn FnMut(NodeKey) -> Option<usize>,
+        out: &mut Vec<(NodeKey, usize)>,
+    ) {
         let Some(own) = points(node) else { return };
         (0..8).for_each(|index| walk(node.child(index), points, out));
         out.push((node, own));
@@ -112,7 +116,8 @@ mod tests {
 
     #[test]
     fn three_levels_join_and_a_fourth_does_not() {
-        let chain: Vec<NodeKey> = std::iter::successors(Some(NodeKey::ROOT), |n| Some(n.child(3))).take(5).collect();
+        let chain: Vec<NodeKey> =
+            std::iter::successors(Some(NodeKey::ROOT), |n| Some(n.child(3))).take(5).collect();
         let mut collapse = Collapse::default();
         let mut finals = Vec::new();
         for (node, index) in chain[1..].iter().rev().zip(0u32..) {

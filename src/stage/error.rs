@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::disk::DiskError;
+use crate::format::copc::CopcError;
 use crate::format::inputs::InputsError;
 use crate::format::las::{LasError, LasFile};
 
@@ -52,6 +53,18 @@ pub enum StageError {
          the unit, `pids.max` of the container)"
     )]
     NoThreads(String),
+    #[error(
+        "no COPC file can be made of it: {0}; as a Potree octree it can be converted (`--format potree`)"
+    )]
+    Copc(#[from] CopcError),
+    #[error("no COPC file can be made of it: {0}")]
+    NotForCopc(String),
+    #[error(
+        "no COPC file can be made of it: {points} points come to lie in its node {node}, more than a chunk of \
+         LAZ may hold; do not keep so many points at one position (`--duplicates set-aside`), or convert to a \
+         Potree octree alone"
+    )]
+    CopcNode { node: String, points: u64 },
     #[error("the conversion was stopped on request")]
     Cancelled,
     #[error("a check before publishing failed: {0}. Nothing was published; this is a bug, please report it")]
@@ -94,6 +107,9 @@ impl StageError {
             | StageError::OutputExists(_)
             | StageError::UnknownAttribute { .. }
             | StageError::MemoryTooSmall { .. }
+            | StageError::Copc(_)
+            | StageError::NotForCopc(_)
+            | StageError::CopcNode { .. }
             | StageError::Inconsistent(_) => false,
         }
     }

@@ -2,6 +2,8 @@
 //! and an octree has one attribute for all. They are moved to one offset where
 //! that loses nothing; a time that would be rounded ends the conversion.
 
+use super::error::{Result, StageError};
+use super::formats::Formats;
 use crate::format::las::{GpsTime, LasFile};
 
 /// Files that are named one by one.
@@ -9,14 +11,30 @@ const MOST_NAMED: usize = 5;
 
 /// Has all files count their GPS times from one place: the latest of their time
 /// offsets, since times become smaller by that and so keep all their digits. Gives
-/// what they count from, where any says so.
-pub fn bring_together(files: &mut [LasFile], notes: &mut Vec<String>) -> Option<GpsTime> {
+/// what they count from, where any says so. A COPC file is one of LAS 1.4, which knows
+/// but one time offset, and says of all times at once what they are.
+pub fn bring_together(
+    files: &mut [LasFile],
+    formats: Formats,
+    notes: &mut Vec<String>,
+) -> Result<Option<GpsTime>> {
     let has_times = |file: &&LasFile| !matches!(file.header().point_format, 0 | 2);
     let offsets = files.iter().filter(has_times).filter_map(|file| match file.header().gps_time {
         GpsTime::Standard { offset } => Some(offset),
         GpsTime::Week => None,
     });
-    let common = GpsTime::Standard { offset: offsets.max()? };
+    let Some(latest) = offsets.max() else { return Ok(None) };
+    let mut common = GpsTime::Standard { offset: latest };
+    if formats.copc && common != GpsTime::ADJUSTED {
+        if formats.potree {
+            return Err(StageError::NotForCopc(format!(
+                "its GPS times are {}, which the octree keeps and COPC cannot say; convert to each format by \
+                 itself",
+                common.describe()
+            )));
+        }
+        common = GpsTime::ADJUSTED;
+    }
     let mut moved = 0;
     for file in files.iter_mut() {
         let before = file.header().gps_time;
@@ -37,6 +55,14 @@ pub fn bring_together(files: &mut [LasFile], notes: &mut Vec<String>) -> Option<
     let of_weeks = files.iter().filter(has_times).filter(|file| file.header().gps_time == GpsTime::Week);
     match of_weeks.count() {
         0 => {}
+        weeks if formats.copc => {
+            return Err(StageError::NotForCopc(format!(
+                "the GPS times of {weeks} of {} files are seconds of the week, those of the others {}, and one \
+                 file cannot hold both; convert the files of each kind apart",
+                files.len(),
+                common.describe()
+            )));
+        }
         weeks => notes.push(format!(
             "the GPS times of {weeks} of {} files are marked as seconds of the week, those of the others as \
              {}: they cannot be compared",
@@ -44,5 +70,5 @@ pub fn bring_together(files: &mut [LasFile], notes: &mut Vec<String>) -> Option<
             common.describe()
         )),
     }
-    Some(common)
+    Ok(Some(common))
 }

@@ -5,20 +5,22 @@
 use std::sync::Mutex;
 
 use super::context::{Context, Stage};
+use super::copc::CopcWriter;
 use super::crowd::{self, is_crowd};
 use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::halos::{self, Halos, Kept, Turn};
-use super::nodes::{NodeWriter, RawPoints};
-use super::options::{Encoding, Mode, Options};
-use super::output::{Block, OctreeFile};
-use super::receipt::{Built, Risen};
+use super::nodes::{NodeWriter, RawPoints, Written};
+use super::options::{Mode, Options};
+use super::output::{self, Block, COPC, Each, OCTREE, OutputFiles};
+use super::receipt::{Built, Risen, Span};
 use super::scratch::Scratch;
 use super::set_aside::{self, Range, Reason};
 use super::survey::{Survey, chunk_memory};
 use super::twins;
 use super::workers;
 use crate::cloud::attribute::Schema;
+use crate::cloud::moments::Moments;
 use crate::cloud::node::{LEAF_LIMIT, NodeKey};
 use crate::cloud::plan::Chunk;
 use crate::cloud::statistics::Statistics;
@@ -33,19 +35,42 @@ pub struct Rising {
     /// Whether it is the leaf of a crowd that was thinned.
     pub crowded: bool,
     pub records: RisingRecords,
+    /// The records of all nodes below, where these join it in the COPC file.
+    pub below: Option<RisingRecords>,
 }
 
 /// In memory, or out of core in the scratch.
 pub enum RisingRecords {
     Memory(Vec<u8>),
-    Scratch(Risen),
+    Scratch(Span),
+}
+
+impl RisingRecords {
+    /// The bytes, from wherever they are.
+    pub fn fetch(self, scratch: Option<&Scratch>) -> Result<Vec<u8>> {
+        match (self, scratch) {
+            (RisingRecords::Memory(records), _) => Ok(records),
+            (RisingRecords::Scratch(span), Some(scratch)) => scratch.fetch(span),
+            (RisingRecords::Scratch(_), None) => {
+                Err(StageError::Inconsistent("the points of a node are nowhere".into()))
+            }
+        }
+    }
+
+    /// The same, in the scratch where there is one.
+    fn keep(self, scratch: &Scratch) -> Result<Span> {
+        match self {
+            RisingRecords::Memory(records) => scratch.keep(&records),
+            RisingRecords::Scratch(span) => Ok(span),
+        }
+    }
 }
 
 impl Rising {
     pub fn points(&self, survey: &Survey) -> u64 {
         let bytes = match &self.records {
             RisingRecords::Memory(records) => records.len() as u64,
-            RisingRecords::Scratch(risen) => risen.records.bytes,
+            RisingRecords::Scratch(span) => span.bytes,
         };
         bytes / survey.unified.schema.record_size() as u64
     }
@@ -53,8 +78,9 @@ impl Rising {
 
 impl From<Risen> for Rising {
     fn from(risen: Risen) -> Rising {
-        let Risen { node, has_children, crowded, .. } = risen;
-        Rising { node, has_children, crowded, records: RisingRecords::Scratch(risen) }
+        let Risen { node, has_children, crowded, records, below } = risen;
+        let below = below.map(RisingRecords::Scratch);
+        Rising { node, has_children, crowded, records: RisingRecords::Scratch(records), below }
     }
 }
 
@@ -65,6 +91,8 @@ pub struct Indexed {
     pub halos: Halos,
     /// Of all points, also of those that rise (but for averaged colours).
     pub statistics: Statistics,
+    /// Of the points in the COPC file so far.
+    pub moments: Moments,
     /// Points in the nodes that were written.
     pub points: u64,
     /// Points of crowds that were kept out, in the order of the plan.
@@ -78,6 +106,8 @@ pub struct Done {
     /// is that of the nodes that were written, of a step of the merge too, which
     /// adds nothing else.
     pub statistics: Statistics,
+    /// Of the points that were written to the COPC file.
+    pub moments: Moments,
     /// Points in the nodes that were written.
     pub points: u64,
     pub aside: Vec<Range>,
@@ -85,15 +115,16 @@ pub struct Done {
     pub halo: Kept,
 }
 
-/// A chunk's root once it is there, and what was kept out.
-type Slot = Mutex<Option<(Rising, Vec<Range>)>>;
+/// A chunk's root once it is there, what was kept out, and the moments of what was
+/// written.
+type Slot = Mutex<Option<(Rising, (Vec<Range>, Moments))>>;
 
 /// Indexes all chunks into the octree file. Blocks are numbered in the order in
 /// which the chunks take their turns (see [`halos`]).
 pub fn index(
     survey: &Survey,
     runs: &Runs,
-    octree: &OctreeFile,
+    files: &OutputFiles,
     options: &Options,
     context: &Context,
 ) -> Result<Indexed> {
@@ -111,12 +142,12 @@ pub fn index(
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, unit| {
         let (chunk, turn) = (order[unit], halos.turn(unit));
         let done = match scratch.and_then(|scratch| scratch.past.built.get(&(unit as u32))) {
-            Some(built) => resubmit(octree, unit, built),
-            None => indexer.chunk(survey, runs, octree, (unit, chunk), &turn, context),
+            Some(built) => resubmit(files, unit, built),
+            None => indexer.chunk(survey, runs, files, (unit, chunk), &turn, context),
         };
-        let Done { root, statistics, points, aside, halo } = done.inspect_err(|_| octree.fail())?;
+        let Done { root, statistics, moments, points, aside, halo } = done.inspect_err(|_| files.fail())?;
         turn.done(halo);
-        *rising[chunk].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, aside));
+        *rising[chunk].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, (aside, moments)));
         let mut total = total.lock().unwrap_or_else(|e| e.into_inner());
         total.0.merge(&statistics);
         total.1 += points;
@@ -124,9 +155,12 @@ pub fn index(
         Ok(())
     })?;
     let done = rising.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner()));
-    let (rising, crowds): (Vec<Rising>, Vec<Vec<Range>>) = done.unzip();
+    let (rising, rest): (Vec<Rising>, Vec<(Vec<Range>, Moments)>) = done.unzip();
+    let (crowds, of_chunks): (Vec<Vec<Range>>, Vec<Moments>) = rest.into_iter().unzip();
+    let mut moments = Moments::empty(&survey.unified.schema);
+    of_chunks.iter().for_each(|more| moments.merge(more));
     let (statistics, points) = total.into_inner().unwrap_or_else(|e| e.into_inner());
-    Ok(Indexed { rising, halos, statistics, points, crowds: crowds.concat() })
+    Ok(Indexed { rising, halos, statistics, moments, points, crowds: crowds.concat() })
 }
 
 /// As many threads as there is memory for, by the largest chunk.
@@ -150,6 +184,8 @@ fn threads_for_memory(survey: &Survey, options: &Options, context: &Context) -> 
 struct Indexer<'o> {
     options: &'o Options,
     sampler: Box<dyn Sampler>,
+    /// Where a COPC file is written; it keeps its encoder's memory.
+    copc: Option<CopcWriter<'o>>,
     items: Vec<Item>,
     spare: Vec<Item>,
     raw: Vec<u8>,
@@ -157,17 +193,18 @@ struct Indexer<'o> {
 }
 
 impl<'o> Indexer<'o> {
-    fn new(survey: &Survey, options: &'o Options) -> Indexer<'o> {
+    fn new(survey: &'o Survey, options: &'o Options) -> Indexer<'o> {
         let sampler = options.sampling.sampler(survey.cube.slack());
         let (items, spare) = (Vec::new(), Vec::new());
-        Indexer { options, sampler, items, spare, raw: Vec::new(), records: Vec::new() }
+        let copc = CopcWriter::new(survey);
+        Indexer { options, sampler, copc, items, spare, raw: Vec::new(), records: Vec::new() }
     }
 
     fn chunk(
         &mut self,
-        survey: &Survey,
+        survey: &'o Survey,
         runs: &Runs,
-        octree: &OctreeFile,
+        files: &OutputFiles,
         (unit, number): (usize, usize),
         turn: &Turn,
         context: &Context,
@@ -199,12 +236,11 @@ impl<'o> Indexer<'o> {
         if context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        let mut writer = NodeWriter::new(survey, self.options.encoding);
+        let mut writer = NodeWriter::new(survey, self.options);
         writer.records = std::mem::take(&mut self.records);
-        writer.block = octree.block();
-        if self.options.encoding == Encoding::Default {
-            writer.block.bytes.reserve(writer.records.len());
-        }
+        writer.block = files.block(OCTREE);
+        writer.reserve(self.items.len());
+        writer.copc = self.copc.take().map(|copc| copc.with_block(files.block(COPC)));
         let mut builder = Builder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
         builder.thin_crowds = self.options.duplicates != Mode::Keep;
         // Asked for late: what is read and unpacked meanwhile need not wait.
@@ -217,10 +253,15 @@ impl<'o> Indexer<'o> {
         let schema = &survey.unified.schema;
         let mut records = vec![0; root.items.len() * schema.record_size()];
         builder.emit.gather(&root.items, 0..root.items.len(), &mut records);
+        let mut below = None;
+        if let Some(copc) = &mut builder.emit.copc {
+            below = copc.end(&builder.emit.records, chunk.node, root.items.len())?;
+        }
         if builder.emit.points + root.items.len() as u64 + set_aside != chunk.points {
             return Err(StageError::Inconsistent(format!("chunk {} lost points", chunk.node)));
         }
-        let NodeWriter { records: all, block, points, averages, .. } = builder.emit;
+        let Written { records: all, blocks, points, averages, moments, copc } = builder.emit.finish();
+        self.copc = copc;
         let mut statistics = match kept_out.is_empty() {
             true => statistics,
             false => statistics_without(schema, &all, kept_out),
@@ -234,9 +275,10 @@ impl<'o> Indexer<'o> {
             // Of a crowd that is a chunk of its own, only a part was looked at.
             crowded: root.crowded || is_thinned_crowd,
             records: RisingRecords::Memory(records),
+            below: below.map(RisingRecords::Memory),
         };
-        let done = Done { root, statistics, points, aside, halo };
-        hand_in(octree, unit, block, done, runs.scratch.as_deref())
+        let done = Done { root, statistics, moments, points, aside, halo };
+        hand_in(files, unit, blocks, done, runs.scratch.as_deref())
     }
 }
 
@@ -255,44 +297,54 @@ fn statistics_without(schema: &Schema, records: &[u8], mut without: Vec<u32>) ->
     statistics
 }
 
-/// Hands in a finished block, its topmost node and its border: out of core with a
+/// Hands in finished blocks, their topmost node and its border: out of core with a
 /// receipt, node and border going to the scratch.
 pub fn hand_in(
-    octree: &OctreeFile,
+    files: &OutputFiles,
     number: usize,
-    block: Block,
+    blocks: Each<Block>,
     done: Done,
     scratch: Option<&Scratch>,
 ) -> Result<Done> {
-    let (Some(scratch), RisingRecords::Memory(records), Kept::Memory(rims)) =
-        (scratch, &done.root.records, &done.halo)
-    else {
-        octree.submit(number, block, None)?;
+    let Some(scratch) = scratch else {
+        files.submit(number, blocks, None)?;
         return Ok(done);
     };
-    let Rising { node, has_children, crowded, .. } = done.root;
-    let risen = Risen { node, has_children, crowded, records: scratch.keep(records)? };
-    let halo = scratch.keep(&halos::to_bytes(rims))?;
+    let Done { root, statistics, moments, points, aside, halo } = done;
+    let Rising { node, has_children, crowded, records, below } = root;
+    let records = records.keep(scratch)?;
+    let below = below.map(|below| below.keep(scratch)).transpose()?;
+    let risen = Risen { node, has_children, crowded, records, below };
+    let halo = match halo {
+        Kept::Memory(rims) => scratch.keep(&halos::to_bytes(&rims))?,
+        Kept::Scratch(span) => span,
+    };
     let built = Built {
-        nodes: block.nodes.clone(),
-        bytes: block.bytes.len() as u64,
+        nodes: [OCTREE, COPC].map(|file| blocks[file].nodes.clone()),
+        bytes: output::lengths(&blocks),
         at: None,
-        points: done.points,
-        statistics: done.statistics.clone(),
+        points,
+        moments: moments.clone(),
+        statistics: statistics.clone(),
         root: risen,
         halo,
-        aside: done.aside.clone(),
+        aside: aside.clone(),
     };
-    octree.submit(number, block, Some(built))?;
-    Ok(Done { root: risen.into(), halo: Kept::Scratch(halo), ..done })
+    files.submit(number, blocks, Some(built))?;
+    Ok(Done { root: risen.into(), statistics, moments, points, aside, halo: Kept::Scratch(halo) })
 }
 
 /// Hands in what an earlier run built.
-pub fn resubmit(octree: &OctreeFile, number: usize, built: &Built) -> Result<Done> {
-    octree.submit_again(number, built)?;
-    let (root, statistics) = (built.root.into(), built.statistics.clone());
-    let halo = Kept::Scratch(built.halo);
-    Ok(Done { root, statistics, points: built.points, aside: built.aside.clone(), halo })
+pub fn resubmit(files: &OutputFiles, number: usize, built: &Built) -> Result<Done> {
+    files.submit_again(number, built)?;
+    Ok(Done {
+        root: built.root.into(),
+        statistics: built.statistics.clone(),
+        moments: built.moments.clone(),
+        points: built.points,
+        aside: built.aside.clone(),
+        halo: Kept::Scratch(built.halo),
+    })
 }
 
 /// Reads a chunk's parts of all runs, one behind the other.

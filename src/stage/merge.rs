@@ -10,22 +10,24 @@ use std::sync::{Arc, Mutex};
 
 use super::averages::Averages;
 use super::context::{Context, Stage};
+use super::copc::CopcWriter;
 use super::error::{Result, StageError};
 use super::halos::{self, Kept, Turn};
 use super::index::{self, Done, Indexed, Rising, RisingRecords};
-use super::nodes::NodeWriter;
-use super::options::{Encoding, Options};
-use super::output::OctreeFile;
+use super::nodes::{NodeWriter, Written};
+use super::options::Options;
+use super::output::OutputFiles;
 use super::scratch::Scratch;
 use super::survey::Survey;
 use super::workers;
 use crate::cloud::cube::Frame;
+use crate::cloud::moments::Moments;
 use crate::cloud::node::{LEAF_LIMIT, NodeKey};
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
 use crate::lod::sampler::{Item, Sampler};
 use crate::lod::thin::{NODE_LIMIT, thin};
-use crate::lod::tree::{Emit, is_hollow, move_taken};
+use crate::lod::tree::{is_hollow, move_taken};
 
 /// Highest level of the cut: it has up to 64 nodes, of which a flat country fills 16.
 const CUT: u8 = 2;
@@ -41,13 +43,15 @@ pub struct Merged {
     /// Of what the merge wrote, as far as the chunks could not know it: the range
     /// of averaged colours.
     pub statistics: Statistics,
+    /// Of all points in the COPC file.
+    pub moments: Moments,
 }
 
 /// Samples and writes everything above the chunks, and the chunks' roots.
 pub fn merge(
     survey: &Survey,
     indexed: Indexed,
-    octree: &OctreeFile,
+    files: &OutputFiles,
     scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
@@ -59,6 +63,7 @@ pub fn merge(
     let mut next_block = indexed.rising.len();
     let mut points = indexed.points;
     let mut statistics = Statistics::empty(&survey.unified.schema);
+    let mut moments = indexed.moments;
 
     let (subtrees, mut top) = cut(indexed.rising);
     let mut halos = indexed.halos;
@@ -78,24 +83,26 @@ pub fn merge(
             let subtree = match before {
                 Some(built) => {
                     context.progress.advance(roots.values().map(|r| r.points(survey)).sum());
-                    index::resubmit(octree, number, built)
+                    index::resubmit(files, number, built)
                 }
                 None => {
                     let merger = Merger::new(survey, options, context, &above, roots, scratch);
-                    merger.subtree(*node, octree, &turn, number)
+                    merger.subtree(*node, files, &turn, number)
                 }
             };
-            let Done { root, points, statistics, halo, .. } = subtree.inspect_err(|_| octree.fail())?;
+            let Done { root, points, statistics, moments, halo, .. } =
+                subtree.inspect_err(|_| files.fail())?;
             turn.done(halo);
-            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points, statistics));
+            *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points, statistics, moments));
             Ok(())
         },
     )?;
     next_block += subtrees.len();
     for subtree in merged.into_iter().filter_map(|m| m.into_inner().unwrap_or_else(|e| e.into_inner())) {
-        let (root, more, range) = subtree;
+        let (root, more, range, of_points) = subtree;
         points += more;
         statistics.merge(&range);
+        moments.merge(&of_points);
         top.insert(root.node, root);
     }
 
@@ -105,15 +112,16 @@ pub fn merge(
     let root = merger.grow(NodeKey::ROOT)?;
     let root = root.ok_or_else(|| StageError::Inconsistent("the octree has no root".into()))?;
     merger.write(vec![root])?;
-    let NodeWriter { block, points: more, averages, .. } = merger.writer;
-    octree.submit(next_block, block, None)?;
+    let Written { blocks, points: more, averages, moments: of_points, .. } = merger.writer.finish();
+    moments.merge(&of_points);
+    files.submit(next_block, blocks, None)?;
     turn.done(Kept::Memory(Vec::new()));
     if let Some(averages) = averages {
         let mut range = Statistics::empty(&survey.unified.schema);
         averages.tell(&mut range);
         statistics.merge(&range);
     }
-    Ok(Merged { points: points + more, statistics })
+    Ok(Merged { points: points + more, statistics, moments })
 }
 
 /// Nodes that have chunks below them.
@@ -132,9 +140,9 @@ fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
 
 type Roots = HashMap<NodeKey, Rising>;
 
-/// A subtree's topmost node once it is there, the points below it, and their
-/// statistics.
-type Slot = Mutex<Option<(Rising, u64, Statistics)>>;
+/// A subtree's topmost node once it is there, the points below it, their statistics,
+/// and the moments of those that were written.
+type Slot = Mutex<Option<(Rising, u64, Statistics, Moments)>>;
 
 /// Chunks below the cut by the subtree they are in, in the order in which the
 /// subtrees take their turns, and those at or above it.
@@ -185,6 +193,8 @@ struct Grown {
     crowded: bool,
     records: Vec<u8>,
     items: Vec<Item>,
+    /// The records of all nodes below, where these join it in the COPC file.
+    below: Option<RisingRecords>,
 }
 
 impl<'a> Merger<'a> {
@@ -196,12 +206,11 @@ impl<'a> Merger<'a> {
         roots: Roots,
         scratch: Option<&'a Scratch>,
     ) -> Merger<'a> {
-        let mut writer = NodeWriter::new(survey, options.encoding);
-        if options.encoding == Encoding::Default {
-            // At once: memory that grows is there twice while it moves.
-            let points: u64 = roots.values().map(|root| root.points(survey)).sum();
-            writer.block.bytes.reserve(points as usize * survey.unified.schema.record_size());
-        }
+        let mut writer = NodeWriter::new(survey, options);
+        // At once: memory that grows is there twice while it moves.
+        let points: u64 = roots.values().map(|root| root.points(survey)).sum();
+        writer.reserve(points as usize);
+        writer.copc = CopcWriter::new(survey);
         Merger {
             survey,
             context,
@@ -223,34 +232,28 @@ impl<'a> Merger<'a> {
     }
 
     /// Merges all below a node, and hands it in.
-    fn subtree(mut self, node: NodeKey, octree: &OctreeFile, turn: &Turn, number: usize) -> Result<Done> {
+    fn subtree(mut self, node: NodeKey, files: &OutputFiles, turn: &Turn, number: usize) -> Result<Done> {
         self.begin(turn)?;
         let root = self.grow(node)?;
         let halo = Kept::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
-        let Grown { node, has_children, crowded, records, .. } =
+        let Grown { node, has_children, crowded, records, below, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
-        let NodeWriter { block, points, averages, .. } = self.writer;
+        let Written { blocks, points, averages, moments, .. } = self.writer.finish();
         let mut statistics = Statistics::empty(&self.survey.unified.schema);
         averages.iter().for_each(|averages| averages.tell(&mut statistics));
-        let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records) };
-        let done = Done { root, statistics, points, aside: Vec::new(), halo };
-        index::hand_in(octree, number, block, done, self.scratch)
+        let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records), below };
+        let done = Done { root, statistics, moments, points, aside: Vec::new(), halo };
+        index::hand_in(files, number, blocks, done, self.scratch)
     }
 
     fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        if let Some(Rising { has_children, crowded, records, .. }) = self.roots.remove(&node) {
-            let records = match (records, self.scratch) {
-                (RisingRecords::Memory(records), _) => records,
-                (RisingRecords::Scratch(risen), Some(scratch)) => scratch.fetch(risen.records)?,
-                (RisingRecords::Scratch(_), None) => {
-                    return Err(StageError::Inconsistent(format!("the points of {node} are nowhere")));
-                }
-            };
+        if let Some(Rising { has_children, crowded, records, below, .. }) = self.roots.remove(&node) {
+            let records = records.fetch(self.scratch)?;
             let items = self.items(&records);
-            return Ok(Some(Grown { node, has_children, crowded, records, items }));
+            return Ok(Some(Grown { node, has_children, crowded, records, items, below }));
         }
         if !self.above.contains(&node) {
             return Ok(None);
@@ -273,7 +276,7 @@ impl<'a> Merger<'a> {
         if is_hollow(LEAF_LIMIT, leaves) {
             let records = children.into_iter().flat_map(|c| c.records).collect::<Vec<u8>>();
             let items = self.items(&records);
-            return Ok(Grown { node, has_children: false, crowded: true, records, items });
+            return Ok(Grown { node, has_children: false, crowded: true, records, items, below: None });
         }
         let has_below = children.iter().any(|c| c.has_children);
         let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
@@ -305,15 +308,19 @@ impl<'a> Merger<'a> {
         children.retain(|c| !c.items.is_empty() || c.has_children);
         let has_children = !children.is_empty();
         self.write(children)?;
-        Ok(Grown { node, has_children, crowded: false, records, items })
+        Ok(Grown { node, has_children, crowded: false, records, items, below: None })
     }
 
     /// Writes nodes that are final.
     fn write(&mut self, nodes: Vec<Grown>) -> Result<()> {
         for grown in nodes {
-            let Grown { node, records, items, .. } = grown;
+            let Grown { node, records, items, below, .. } = grown;
             self.writer.records = records;
-            self.writer.node(node, Frame::of(self.survey.cube.bits, node), &items)?;
+            self.writer.octree_node(node, &items)?;
+            if let Some(copc) = &mut self.writer.copc {
+                let below = below.map(|below| below.fetch(self.scratch)).transpose()?;
+                copc.whole_node(&self.writer.records, node, &items, below)?;
+            }
             self.context.progress.advance(items.len() as u64);
         }
         Ok(())

@@ -5,11 +5,13 @@
 
 mod averages;
 pub mod context;
+pub mod copc;
 pub mod counting;
 mod crowd;
 pub mod damage;
 pub mod distribute;
 pub mod error;
+pub mod formats;
 mod gps_times;
 pub mod halos;
 pub mod index;

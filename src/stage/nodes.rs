@@ -1,13 +1,16 @@
 //! Raw records become the octree's, once, in the order in which they lie; finished
-//! nodes become bytes: records picked coarse to fine, and encoded.
+//! nodes become bytes: records picked coarse to fine, and encoded; and beside them,
+//! or instead, the chunks of a COPC file.
 
 use super::averages::Averages;
+use super::copc::CopcWriter;
 use super::error::StageError;
-use super::options::Encoding;
-use super::output::{Block, NodeEntry};
+use super::options::{Encoding, Options};
+use super::output::{Block, Each, NodeEntry};
 use super::survey::Survey;
 use crate::cloud::attribute::Schema;
 use crate::cloud::cube::Frame;
+use crate::cloud::moments::Moments;
 use crate::cloud::node::NodeKey;
 use crate::cloud::record;
 use crate::cloud::statistics::Statistics;
@@ -22,12 +25,13 @@ use crate::lod::tree::Emit;
 /// change neither by more than the noise.
 const BROTLI_QUALITY: u32 = 2;
 
-/// Turns nodes into a block of octree.bin.
+/// Turns nodes into blocks of the files of points.
 pub struct NodeWriter<'a> {
     /// What items are numbers of: records in the octree's layout.
     pub records: Vec<u8>,
     schema: &'a Schema,
-    encoding: Encoding,
+    /// Of octree.bin, where that is written.
+    encoding: Option<Encoding>,
     /// Where coarse levels have averaged colours.
     pub averages: Option<Averages>,
     /// Buffers.
@@ -35,20 +39,57 @@ pub struct NodeWriter<'a> {
     plain: Vec<u8>,
     pub block: Block,
     pub points: u64,
+    /// Where a COPC file is written.
+    pub copc: Option<CopcWriter<'a>>,
 }
 
 impl<'a> NodeWriter<'a> {
-    pub fn new(survey: &'a Survey, encoding: Encoding) -> NodeWriter<'a> {
+    pub fn new(survey: &'a Survey, options: &Options) -> NodeWriter<'a> {
         NodeWriter {
             records: Vec::new(),
             schema: &survey.unified.schema,
-            encoding,
+            encoding: options.format.potree.then_some(options.encoding),
             averages: Averages::of(&survey.unified.schema),
             order: Vec::new(),
             plain: Vec::new(),
             block: Block::default(),
             points: 0,
+            copc: None,
         }
+    }
+
+    /// Makes room for so many records in octree.bin, where they are stored as they are.
+    pub fn reserve(&mut self, records: usize) {
+        if self.encoding == Some(Encoding::Default) {
+            self.block.bytes.reserve(records * self.schema.record_size());
+        }
+    }
+
+    /// What came of it: records, blocks, and of the points in the nodes of the COPC
+    /// file their moments.
+    pub fn finish(self) -> Written<'a> {
+        let NodeWriter { records, block, points, averages, mut copc, .. } = self;
+        let (copc_block, moments) = copc.as_mut().map(CopcWriter::take).unwrap_or_default();
+        Written { records, blocks: [block, copc_block], points, averages, moments, copc }
+    }
+
+    /// Puts a node that is final into octree.bin.
+    pub fn octree_node(&mut self, node: NodeKey, items: &[Item]) -> Result<(), StageError> {
+        if let Some(averages) = &mut self.averages {
+            averages.written(&self.records, items);
+        }
+        let points = u32::try_from(items.len())
+            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {} points", items.len())))?;
+        self.points += u64::from(points);
+        let offset = self.block.bytes.len() as u64;
+        match self.encoding {
+            None => return Ok(()),
+            Some(Encoding::Default) => self.put_plain(items),
+            Some(Encoding::Brotli) => self.put_brotli(items)?,
+        }
+        let size = self.block.bytes.len() as u64 - offset;
+        self.block.nodes.push(NodeEntry { node, points, offset, size });
+        Ok(())
     }
 
     /// The records of items, in an order of their ranks, into `out`.
@@ -98,21 +139,22 @@ impl Emit for NodeWriter<'_> {
     }
 
     fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), StageError> {
-        if let Some(averages) = &mut self.averages {
-            averages.written(&self.records, items);
+        self.octree_node(node, items)?;
+        match &mut self.copc {
+            None => Ok(()),
+            Some(copc) => copc.node(&self.records, node, items),
         }
-        let offset = self.block.bytes.len() as u64;
-        match self.encoding {
-            Encoding::Default => self.put_plain(items),
-            Encoding::Brotli => self.put_brotli(items)?,
-        }
-        let size = self.block.bytes.len() as u64 - offset;
-        let points = u32::try_from(items.len())
-            .map_err(|_| StageError::Inconsistent(format!("node {node} holds {} points", items.len())))?;
-        self.block.nodes.push(NodeEntry { node, points, offset, size });
-        self.points += u64::from(points);
-        Ok(())
     }
+}
+
+/// What a [`NodeWriter`] wrote.
+pub struct Written<'a> {
+    pub records: Vec<u8>,
+    pub blocks: Each<Block>,
+    pub points: u64,
+    pub averages: Option<Averages>,
+    pub moments: Moments,
+    pub copc: Option<CopcWriter<'a>>,
 }
 
 /// A chunk's raw records, in parts of several runs, in the order of the input.

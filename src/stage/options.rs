@@ -3,6 +3,7 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::formats::Formats;
 use crate::cloud::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
 use crate::deserialize_choice;
 use crate::format::crs;
@@ -166,11 +167,15 @@ pub struct Options {
     /// there was such a thing stay the same.
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "named_crs")]
     pub crs: Option<String>,
+    /// What is written; told only where it is not the octree alone, for the same
+    /// reason.
+    #[serde(skip_serializing_if = "Formats::is_default")]
+    pub format: Formats,
 }
 
 impl Options {
     /// Keys that are written only where they are given.
-    pub const WRITTEN_IF_GIVEN: [&'static str; 1] = ["crs"];
+    pub const WRITTEN_IF_GIVEN: [&'static str; 2] = ["crs", "format"];
 }
 
 /// A system by its name, as WKT.
@@ -192,6 +197,7 @@ impl Default for Options {
             attributes: Vec::new(),
             name: None,
             crs: None,
+            format: Formats::default(),
         }
     }
 }

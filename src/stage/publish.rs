@@ -1,40 +1,46 @@
-//! Publish: metadata and hierarchy are written beside the points, all is made
-//! to last, and the finished folder takes its place by one rename. Until then
+//! Publish: metadata and hierarchy are written beside the points, and what a COPC file
+//! has around its points; all is made to last, and the finished folder takes its place by one rename. Until then
 //! an older octree of that name stays as it was.
 
 use std::path::Path;
 
 use super::context::{Context, Stage};
+use super::copc::{self, CopcFile};
 use super::error::{Result, StageError};
 use super::options::{Encoding, LodColor, Options};
-use super::output::NodeEntry;
+use super::output::{COPC, Each, Finished, NodeEntry, OCTREE};
 use super::survey::Survey;
+use crate::cloud::moments::Moments;
 use crate::cloud::statistics::Statistics;
 use crate::disk::Disk;
 use crate::format::las::GpsTime;
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
 
-/// What the octree came to.
+/// What was made, without the report about it.
 pub struct Completed {
+    /// Nodes of the octree, or where none is written, of the COPC file.
     pub nodes: u64,
+    /// Level of the deepest of them.
     pub depth: u32,
+    /// Bytes of all files.
     pub bytes: u64,
+    pub copc: Option<CopcFile>,
 }
 
-/// What the octree consists of.
+/// What the files consist of.
 pub struct Octree<'a> {
     pub survey: &'a Survey,
-    pub nodes: &'a [NodeEntry],
-    /// Length of octree.bin, in bytes.
-    pub length: u64,
+    /// The files with their points.
+    pub files: &'a Each<Option<Finished>>,
     pub statistics: &'a Statistics,
+    /// Of the points in the COPC file.
+    pub moments: &'a Moments,
     /// Points that were kept out of it.
     pub aside: u64,
 }
 
-/// Checks the sums and writes the small files: all that is missing then is the
-/// name.
+/// Checks the sums and writes what is missing but for the name.
 pub fn complete(
     octree: &Octree,
     staging: &Path,
@@ -43,42 +49,47 @@ pub fn complete(
     context: &Context,
 ) -> Result<Completed> {
     context.progress.begin(Stage::Publish, octree.survey.points);
-    check_sums(octree)?;
-    let nodes: Vec<potree::Node> = octree.nodes.iter().filter_map(potree_node).collect();
-    let hierarchy = potree::write_hierarchy(&nodes).map_err(|e| StageError::Inconsistent(e.to_string()))?;
-    let metadata = metadata(octree, &hierarchy, output, options);
     let disk = &context.disk;
-    let json = metadata.to_json();
-    for (name, bytes) in
-        [(potree::HIERARCHY, hierarchy.bytes.as_slice()), (potree::METADATA, json.as_bytes())]
-    {
-        let file = disk.create(&staging.join(name))?;
-        file.write_all_at(bytes, 0)?;
-        file.sync()?;
+    let mut completed = Completed { nodes: 0, depth: 0, bytes: 0, copc: None };
+    if let (Some(finished), Some(plan)) = (&octree.files[COPC], &octree.survey.copc) {
+        check_sums(octree, finished, finished.end - plan.points_start)?;
+        let file = copc::complete(plan, octree, finished)?;
+        completed = Completed { nodes: file.nodes, depth: file.depth, bytes: file.bytes, copc: Some(file) };
+    }
+    if let Some(finished) = &octree.files[OCTREE] {
+        check_sums(octree, finished, finished.end)?;
+        finished.file.sync()?;
+        let nodes: Vec<potree::Node> = finished.nodes.iter().filter_map(potree_node).collect();
+        let hierarchy =
+            potree::write_hierarchy(&nodes).map_err(|e| StageError::Inconsistent(e.to_string()))?;
+        let metadata = metadata(octree, &hierarchy, output, options);
+        let json = metadata.to_json();
+        for (name, bytes) in
+            [(potree::HIERARCHY, hierarchy.bytes.as_slice()), (potree::METADATA, json.as_bytes())]
+        {
+            let file = disk.create(&staging.join(name))?;
+            file.write_all_at(bytes, 0)?;
+            file.sync()?;
+        }
+        (completed.nodes, completed.depth) = (nodes.len() as u64, hierarchy.depth);
+        completed.bytes += finished.end + hierarchy.bytes.len() as u64 + json.len() as u64;
     }
     disk.sync_dir(staging)?;
-    Ok(Completed {
-        nodes: nodes.len() as u64,
-        depth: hierarchy.depth,
-        bytes: octree.length + hierarchy.bytes.len() as u64 + json.len() as u64,
-    })
+    Ok(completed)
 }
 
 /// Every point is in a node, and every byte belongs to one.
-fn check_sums(octree: &Octree) -> Result<()> {
-    let points: u64 = octree.nodes.iter().map(|n| u64::from(n.points)).sum();
-    let bytes: u64 = octree.nodes.iter().map(|n| n.size).sum();
+fn check_sums(octree: &Octree, finished: &Finished, length: u64) -> Result<()> {
+    let points: u64 = finished.nodes.iter().map(|n| u64::from(n.points)).sum();
+    let bytes: u64 = finished.nodes.iter().map(|n| n.size).sum();
     if points + octree.aside != octree.survey.points {
         let (expected, aside) = (octree.survey.points, octree.aside);
         return Err(StageError::Inconsistent(format!(
             "{points} of {expected} points are in nodes and {aside} are set aside"
         )));
     }
-    if bytes != octree.length {
-        return Err(StageError::Inconsistent(format!(
-            "{bytes} of {} bytes are accounted for",
-            octree.length
-        )));
+    if bytes != length {
+        return Err(StageError::Inconsistent(format!("{bytes} of {length} bytes are accounted for")));
     }
     Ok(())
 }

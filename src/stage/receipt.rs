@@ -11,14 +11,15 @@ use std::collections::{HashMap, HashSet};
 use serde::{Deserialize, Serialize};
 
 use super::counting::Findings;
-use super::output::NodeEntry;
+use super::output::{COPC, Each, NodeEntry, OCTREE};
 use super::set_aside::Range;
+use crate::cloud::moments::Moments;
 use crate::cloud::node::NodeKey;
 use crate::cloud::statistics::Statistics;
 
 /// Changes whenever receipts, or the data behind them, are to be read otherwise
 /// than before: what an older program left is then cleared.
-pub const FORMAT: &str = concat!("lodestone receipts 6, program ", env!("CARGO_PKG_VERSION"));
+pub const FORMAT: &str = concat!("lodestone receipts 7, program ", env!("CARGO_PKG_VERSION"));
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.
@@ -43,8 +44,8 @@ pub enum Receipt {
     Bucketed { unit: u32, end: u64, counts: Vec<(u32, u32)> },
     /// A chunk or a step of the merge is done.
     Built { number: u32, built: Built },
-    /// A block that had to wait has its place in octree.bin now.
-    Placed { number: u32, at: u64 },
+    /// Blocks that had to wait have their place in their files now.
+    Placed { number: u32, at: Each<u64> },
     /// The octree is whole, in the folder of this inode; only its name is left to
     /// be given.
     Finished { inode: u64, outcome: String },
@@ -53,14 +54,16 @@ pub enum Receipt {
 /// What a chunk, or a step of the merge, came to.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Built {
-    /// Its finished nodes; offsets count from the start of its block.
-    pub nodes: Vec<NodeEntry>,
-    /// Length of the block, in bytes.
-    pub bytes: u64,
-    /// Where the block lies in octree.bin; none while it waits for its turn.
-    pub at: Option<u64>,
-    /// Points in the finished nodes.
+    /// Its finished nodes in each file; offsets count from the start of its block.
+    pub nodes: Each<Vec<NodeEntry>>,
+    /// Lengths of the blocks, in bytes.
+    pub bytes: Each<u64>,
+    /// Where the blocks lie in their files; none while they wait for their turn.
+    pub at: Option<Each<u64>>,
+    /// Points in the finished nodes of the octree.
     pub points: u64,
+    /// Of the points in the finished nodes of the COPC file.
+    pub moments: Moments,
     /// Of all of a chunk's points; of a step of the merge, empty but for averaged
     /// colours.
     pub statistics: Statistics,
@@ -80,6 +83,8 @@ pub struct Risen {
     pub crowded: bool,
     /// Its records.
     pub records: Span,
+    /// The records of all nodes below, where these join it in the COPC file.
+    pub below: Option<Span>,
 }
 
 /// Where something lies in the scratch, in bytes.
@@ -160,9 +165,19 @@ impl Past {
 
     /// How long the files must be at least to hold what is vouched for.
     pub fn ends(&self) -> Ends {
-        let octree = self.built.values().filter_map(|b| b.at.map(|at| at + b.bytes)).max();
-        let risen = self.built.values().map(|b| b.root.records.end().max(b.halo.end())).max();
-        Ends { runs: self.runs_end, octree: octree.unwrap_or(0), risen: risen.unwrap_or(0) }
+        let end_of = |file: usize| {
+            self.built
+                .values()
+                .filter_map(|b| Some(b.at?[file] + b.bytes[file]).filter(|_| b.bytes[file] > 0))
+                .max()
+        };
+        let kept = |b: &Built| {
+            let below = b.root.below.map_or(0, Span::end);
+            b.root.records.end().max(b.halo.end()).max(below)
+        };
+        let risen = self.built.values().map(kept).max();
+        let files = [OCTREE, COPC].map(|file| end_of(file).unwrap_or(0));
+        Ends { runs: self.runs_end, files, risen: risen.unwrap_or(0) }
     }
 }
 
@@ -170,7 +185,8 @@ impl Past {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ends {
     pub runs: u64,
-    pub octree: u64,
+    /// Of octree.bin, and of the points in the COPC file.
+    pub files: Each<u64>,
     pub risen: u64,
 }
 

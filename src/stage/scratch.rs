@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use super::counting::Findings;
 use super::error::{Result, StageError};
 use super::journal::{self, Journal};
+use super::output::{COPC, Each, OCTREE};
 use super::receipt::{Built, Ends, Identity, Past, Receipt, Span};
 use crate::disk::{DirLock, Disk, DiskFile};
 
@@ -42,7 +43,7 @@ pub struct Scratch {
     /// Blocks that lie in files of their own.
     findings: Mutex<Option<Findings>>,
     spilled: Mutex<BTreeSet<u32>>,
-    octree: Mutex<Option<Arc<DiskFile>>>,
+    points: Mutex<Vec<Arc<DiskFile>>>,
     synced_at: Mutex<Instant>,
     pub lock: Arc<DirLock>,
 }
@@ -63,7 +64,7 @@ impl Scratch {
             past: Past::default(),
             findings: Mutex::default(),
             spilled: Mutex::default(),
-            octree: Mutex::default(),
+            points: Mutex::default(),
             synced_at: Mutex::new(Instant::now()),
             folder,
             lock: Arc::new(lock),
@@ -86,7 +87,12 @@ impl Scratch {
         self.past = past;
         *lock(&self.findings) = self.past.surveyed.take();
         // A block whose file is gone or cut is made again.
-        let waiting = self.past.built.iter().filter(|(_, b)| b.at.is_none()).map(|(n, b)| (*n, b.bytes));
+        let waiting = self
+            .past
+            .built
+            .iter()
+            .filter(|(_, b)| b.at.is_none())
+            .map(|(n, b)| (*n, b.bytes.iter().sum::<u64>()));
         for (number, bytes) in waiting.collect::<Vec<_>>() {
             let file = std::fs::metadata(self.block_file(number));
             if file.is_ok_and(|meta| meta.len() == bytes) {
@@ -111,10 +117,10 @@ impl Scratch {
         Ok(())
     }
 
-    /// The slices' runs and the finished octree are what later receipts vouch
-    /// for; the file of the octree is named once it is open.
-    pub fn vouch_for(&self, octree: Arc<DiskFile>) {
-        *lock(&self.octree) = Some(octree);
+    /// The slices' runs and the finished files of points are what later receipts
+    /// vouch for; such a file is named once it is open.
+    pub fn vouch_for(&self, points: Arc<DiskFile>) {
+        lock(&self.points).push(points);
     }
 
     /// Adds the receipt of something that is written. Now and then this makes
@@ -136,10 +142,10 @@ impl Scratch {
         let upto = lock(&self.journal).end();
         self.runs.sync()?;
         self.risen.sync()?;
-        let octree = lock(&self.octree).clone();
-        if let Some(octree) = octree {
-            octree.sync()?;
-            if let Some(folder) = octree.path().parent() {
+        let files = lock(&self.points).clone();
+        for points in files {
+            points.sync()?;
+            if let Some(folder) = points.path().parent() {
                 self.disk.sync_dir(folder)?;
             }
         }
@@ -185,11 +191,12 @@ impl Scratch {
         Ok(bytes)
     }
 
-    /// Puts a block that must wait for its turn into a file of its own, with its
-    /// receipt.
-    pub fn spill(&self, number: u32, bytes: &[u8], built: Built) -> Result<()> {
+    /// Puts blocks that must wait for their turn into a file of their own, one behind
+    /// the other, with their receipt.
+    pub fn spill(&self, number: u32, blocks: Each<&[u8]>, built: Built) -> Result<()> {
         let file = self.disk.create(&self.block_file(number))?;
-        file.write_all_at(bytes, 0)?;
+        file.write_all_at(blocks[OCTREE], 0)?;
+        file.write_all_at(blocks[COPC], blocks[OCTREE].len() as u64)?;
         lock(&self.spilled).insert(number);
         self.receipt(&Receipt::Built { number, built: Built { at: None, ..built } })
     }
@@ -201,7 +208,7 @@ impl Scratch {
     }
 
     /// A spilled block is in its place now.
-    pub fn placed(&self, number: u32, at: u64) -> Result<()> {
+    pub fn placed(&self, number: u32, at: Each<u64>) -> Result<()> {
         self.receipt(&Receipt::Placed { number, at })?;
         lock(&self.spilled).remove(&number);
         Ok(self.disk.remove_file(&self.block_file(number))?)

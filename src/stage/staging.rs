@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::context::Context;
+use super::copc;
 use super::error::{Result, StageError};
 use super::options::{Encoding, Options};
-use super::output::OctreeFile;
+use super::output::{COPC, OCTREE, OutputFiles, Target};
 use super::scratch::Scratch;
 use super::survey::Survey;
 use crate::disk::{self, DirLock, Disk};
@@ -48,37 +49,58 @@ impl Staging {
         Ok(Staging { folder, lock: Arc::new(lock) })
     }
 
-    /// Whether as much of octree.bin is here as receipts vouch for.
-    pub fn holds(&self, scratch: &Scratch) -> bool {
-        let octree = scratch.past.ends().octree;
-        let file = std::fs::metadata(self.folder.join(potree::OCTREE));
-        octree == 0 || file.is_ok_and(|meta| meta.len() >= octree)
+    /// Where the points of each file go.
+    fn points(&self, options: &Options, output: &Path) -> [PathBuf; 2] {
+        [self.folder.join(potree::OCTREE), self.folder.join(copc::file_name(options, output))]
     }
 
-    /// Opens octree.bin if there is room for it: a new one, or the one that
+    /// Whether as much of the files of points is here as receipts vouch for.
+    pub fn holds(&self, scratch: &Scratch, options: &Options, output: &Path) -> bool {
+        let ends = scratch.past.ends().files;
+        self.points(options, output).iter().zip(ends).all(|(path, end)| {
+            let file = std::fs::metadata(path);
+            end == 0 || file.is_ok_and(|meta| meta.len() >= end)
+        })
+    }
+
+    /// Opens the files of points if there is room for them: new ones, or those that
     /// receipts vouch for.
-    pub fn octree_file(
+    pub fn output_files(
         &self,
         survey: &Survey,
         scratch: Option<&Arc<Scratch>>,
         options: &Options,
+        output: &Path,
         context: &Context,
-    ) -> Result<OctreeFile> {
+    ) -> Result<OutputFiles> {
         let disk = &context.disk;
-        let path = self.folder.join(potree::OCTREE);
         let goes_on = scratch.is_some_and(|scratch| !scratch.past.built.is_empty());
         if !goes_on {
             disk.empty_dir(&self.folder)?;
         }
-        let file = disk.reopen(&path)?;
+        let paths = self.points(options, output);
         let bytes = survey.points * survey.unified.schema.record_size() as u64;
-        // Brotli needs at least a fifth of the plain bytes; less is not worth a try.
-        let needed = match options.encoding {
-            Encoding::Default => bytes,
-            Encoding::Brotli => bytes / 5,
+        let mut missing = 0;
+        let mut open = |file: usize, start: u64, needed: u64| -> Result<Target> {
+            let opened = disk.reopen(&paths[file])?;
+            missing += needed.saturating_sub(opened.allocated()?);
+            Ok(Target { file: opened, start })
         };
-        check_room(disk, &self.folder, needed.saturating_sub(file.allocated()?))?;
-        Ok(OctreeFile::new(file, scratch.cloned(), context.memory_limit / 8))
+        let mut targets = [None, None];
+        if options.format.potree {
+            // Brotli needs at least a fifth of the plain bytes; less is not worth a try.
+            let needed = match options.encoding {
+                Encoding::Default => bytes,
+                Encoding::Brotli => bytes / 5,
+            };
+            targets[OCTREE] = Some(open(OCTREE, 0, needed)?);
+        }
+        if let Some(plan) = &survey.copc {
+            // LAZ needs at least a tenth.
+            targets[COPC] = Some(open(COPC, plan.points_start, bytes / 10)?);
+        }
+        check_room(disk, &self.folder, missing)?;
+        Ok(OutputFiles::new(targets, scratch.cloned(), context.memory_limit / 8))
     }
 
     /// What tells this folder from the one whose name it will take.

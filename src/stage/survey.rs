@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::context::Context;
+use super::copc::{self, CopcPlan};
 use super::counting::{Base, Counter, Findings};
 use super::damage;
 use super::error::{Result, StageError};
@@ -98,6 +99,8 @@ pub struct Survey {
     pub crs: String,
     /// What the octree's GPS times count from, where the inputs say so.
     pub gps_time: Option<GpsTime>,
+    /// How the COPC file is made, where one is asked for.
+    pub copc: Option<CopcPlan>,
     /// Whether all records are in memory.
     pub in_core: bool,
     /// What the files were found to say that is not so; the points decided.
@@ -114,13 +117,14 @@ pub fn chunk_memory(points: u64, raw: u64, record: u64, options: &Options) -> u6
         LodColor::Attribute | LodColor::Average => average::MEMORY + points * average::MEMORY_A_CANDIDATE,
     };
     let twins = if options.twins == Mode::Keep { 0 } else { twins::memory(points) };
-    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages + twins
+    let copc = if options.format.copc { copc::memory(points, record, options) } else { 0 };
+    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages + twins + copc
 }
 
 /// Opens the inputs, each a file.
 pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
     let Files { mut files, missing, repairs, mut notes } = open_all(paths, options.damaged, context)?;
-    let gps_time = gps_times::bring_together(&mut files, &mut notes);
+    let gps_time = gps_times::bring_together(&mut files, options.format, &mut notes)?;
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
@@ -198,10 +202,10 @@ pub fn survey(
         .zip(sources)
         .zip(requantise)
         .zip(layouts)
-        .map(|(((las, source), requantise), layout)| Input { las, source, requantise, layout })
-        .collect();
+        .map(|(((las, source), requantise), layout)| Input { las, source, requantise, layout });
     let plan = Plan::new(census, limit);
-    Ok(Survey {
+    let inputs: Vec<Input> = inputs.collect();
+    let mut survey = Survey {
         inputs,
         units,
         points,
@@ -214,10 +218,15 @@ pub fn survey(
         projection,
         crs,
         gps_time,
+        copc: None,
         in_core,
         repairs,
         notes,
-    })
+    };
+    if options.format.copc {
+        survey.copc = Some(CopcPlan::new(&mut survey)?);
+    }
+    Ok(survey)
 }
 
 /// The inputs that have points, what they lack, and what is odd about all.
@@ -303,7 +312,9 @@ fn fits_in_core(
     let chunk = points.min(plan::chunk_limit(points));
     let record = longest + 8 + options.lod_color.second().map_or(0, |_| 6);
     let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, record, options));
-    let needed = raw + work + plan::census_cells(points) * 16 + (32 << 20);
+    // What joins the chunks' roots waits for the merge.
+    let joining = if options.format.copc { points * record } else { 0 };
+    let needed = raw + joining + work + plan::census_cells(points) * 16 + (32 << 20);
     needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
 }
 

@@ -27,6 +27,13 @@ impl Refusal {
     }
 }
 
+impl JobView {
+    /// Whether what it made is published and was not replaced.
+    pub fn stands(&self) -> bool {
+        self.octree.is_some() || self.copc.is_some()
+    }
+}
+
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
         (self.0, Json(json!({ "error": self.1 }))).into_response()
@@ -64,8 +71,12 @@ pub(super) struct JobView {
     /// The stage it is in, from `queued` to `done`; none where it ended early.
     pub stage: Option<&'static str>,
     pub progress: Option<Reading>,
-    /// Where its octree is served, once it is published.
+    /// Where its octree is served, once it is published; none where only a COPC file was
+    /// made.
     pub octree: Option<String>,
+    /// Where its COPC file is served, where one was made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub copc: Option<String>,
     /// Where it is served read-only without a token, for viewers on other pages;
     /// where a token is needed at all.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -109,14 +120,17 @@ fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
     let published = job.state == State::Done && job.superseded_by.is_none();
     let access = &shared.config.access;
     let folder = octrees::folder(access.base(), &job.name);
-    let octree = published.then(|| format!("{folder}/metadata.json"));
-    let share = if published { octrees::shared_url(access, &job.name) } else { None };
+    let made = octrees::Made::of(&job);
+    let octree = (published && made.octree).then(|| format!("{folder}/metadata.json"));
+    let copc = made.copc.as_ref().filter(|_| published);
+    let copc = copc.map(|file| format!("{folder}/{}", octrees::encoded_part(file)));
+    let share = if published { octrees::shared_url(access, &job.name, &made) } else { None };
     // Where nobody makes any, none are awaited.
     let preview = preview
         .filter(|preview| published && (shared.config.preview || preview.state != Drawn::Queued))
         .map(|preview| PreviewView::new(preview, &folder));
     let facts = Facts::of(&job, shared.clock.now());
-    JobView { job, facts, stage, progress, octree, shared: share, preview }
+    JobView { job, facts, stage, progress, octree, copc, shared: share, preview }
 }
 
 #[derive(Deserialize)]

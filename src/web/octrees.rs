@@ -16,6 +16,8 @@ use tower_http::cors::{Any, CorsLayer};
 
 use super::{Shared, files, previews, session};
 use crate::config::access::Access;
+use crate::job::Job;
+use crate::stage::formats::Formats;
 
 /// For copies that may be kept and are asked for again each time: a name may stand
 /// for another octree tomorrow.
@@ -82,10 +84,36 @@ pub(super) fn cors() -> CorsLayer {
         .max_age(Duration::from_secs(7200))
 }
 
-/// The read-only address of an octree, where a token is needed at all.
-pub(super) fn shared_url(access: &Access, name: &str) -> Option<String> {
+/// What a job made, as its report says.
+pub(super) struct Made {
+    /// Whether an octree is there.
+    pub octree: bool,
+    /// The name of the COPC file, where there is one.
+    pub copc: Option<String>,
+}
+
+impl Made {
+    pub fn of(job: &Job) -> Made {
+        let file = job.result.as_ref().and_then(|report| report["copc"]["file"].as_str());
+        let formats = job.options.get("format").cloned().map(serde_json::from_value::<Formats>);
+        let formats = formats.and_then(Result::ok).unwrap_or_default();
+        Made { octree: formats.potree, copc: file.map(str::to_string) }
+    }
+
+    /// The file that a viewer is told of.
+    fn entry(&self) -> &str {
+        match &self.copc {
+            Some(file) if !self.octree => file,
+            _ => "metadata.json",
+        }
+    }
+}
+
+/// The read-only address of what a job made, where a token is needed at all.
+pub(super) fn shared_url(access: &Access, name: &str, made: &Made) -> Option<String> {
     let key = session::share_key(name, access)?;
-    Some(format!("{}/shared/{key}/{}/metadata.json", access.base(), encoded_part(name)))
+    let entry = encoded_part(made.entry());
+    Some(format!("{}/shared/{key}/{}/{entry}", access.base(), encoded_part(name)))
 }
 
 /// Whether a path lies under the read-only address of an octree.
@@ -103,7 +131,7 @@ pub(super) fn folder(base: &str, name: &str) -> String {
 }
 
 /// A name as a part of a path.
-fn encoded_part(name: &str) -> String {
+pub(super) fn encoded_part(name: &str) -> String {
     encoded(name).replace('/', "%2F")
 }
 
@@ -147,10 +175,22 @@ mod tests {
         assert_eq!(folder("/base", "a/../b?#"), "/base/octrees/a%2F..%2Fb%3F%23");
     }
 
+    const OCTREE: Made = Made { octree: true, copc: None };
+
+    #[test]
+    fn a_copc_file_has_a_read_only_address_where_it_is_alone() {
+        let access = Access { token: Some("a great secret".to_string()), ..Access::default() };
+        let copc = |octree| Made { octree, copc: Some("a b.copc.laz".to_string()) };
+        let url = |made: &Made| shared_url(&access, "a b", made).expect("an address");
+        assert!(url(&copc(false)).ends_with("/a%20b/a%20b.copc.laz"), "{}", url(&copc(false)));
+        assert!(url(&copc(true)).ends_with("/a%20b/metadata.json"));
+        assert!(is_shared(&url(&copc(false)), &access));
+    }
+
     #[test]
     fn read_only_addresses_open_their_octree_alone() {
         let access = Access { token: Some("a great secret".to_string()), ..Access::default() };
-        let url = shared_url(&access, "größe 1").expect("an address");
+        let url = shared_url(&access, "größe 1", &OCTREE).expect("an address");
         assert!(is_shared(&url, &access), "{url}");
         assert!(is_shared(&url.replace("metadata.json", "octree.bin"), &access));
         for other in [
@@ -163,6 +203,6 @@ mod tests {
         ] {
             assert!(!is_shared(&other, &access), "{other}");
         }
-        assert_eq!(shared_url(&Access::default(), "a"), None);
+        assert_eq!(shared_url(&Access::default(), "a", &OCTREE), None);
     }
 }

@@ -14,6 +14,7 @@ mod engine_support;
 
 mod attacks;
 mod conversion;
+mod copc;
 mod daemon;
 mod deploy;
 mod drawing;

@@ -7,6 +7,7 @@ use std::path::Path;
 use maud::{Markup, html};
 use serde_json::Value;
 
+use super::super::api::JobView;
 use super::{charts, parts, words};
 
 /// Of a metadata.json that is read for a page, in bytes.
@@ -139,13 +140,24 @@ fn row(attribute: &Value) -> Markup {
     }
 }
 
-/// The octree's files; `folder` is where they are served.
-pub(super) fn files(on_disk: &OnDisk, folder: &str) -> Markup {
-    let metadata = format!("{folder}/metadata.json");
+/// What viewers are to be given.
+pub(super) fn addresses(octree: Option<&str>, copc: Option<&str>) -> Markup {
+    html! {
+        @if let Some(url) = octree {
+            p { "For Potree and viewers that read its format: " (parts::copyable(url, Some(url))) }
+        }
+        @if let Some(url) = copc {
+            p { "As COPC, for QGIS, PDAL and most others: " (parts::copyable(url, Some(url))) }
+        }
+    }
+}
+
+/// The files of what a job made; `folder` is where they are served.
+pub(super) fn files(on_disk: &OnDisk, view: &JobView, folder: &str) -> Markup {
     html! {
         section.card #files aria-labelledby="files-title" {
             h2 #files-title { "Files" }
-            p { "For Potree and viewers that read its format: " (parts::copyable(&metadata, Some(&metadata))) }
+            (addresses(view.octree.as_deref(), view.copc.as_deref()))
             table {
                 thead { tr { th scope="col" { "File" } th.num scope="col" { "Size" } th scope="col" { span.visually-hidden { "Link" } } } }
                 tbody {

@@ -38,7 +38,7 @@ pub(super) async fn page(
     let verification = shared.store.verification(id).await?;
     let shares = shared.store.shares(&view.job.name).await?;
     let folder = shared.config.octrees().join(&view.job.name);
-    let stands = view.octree.is_some();
+    let stands = view.stands();
     // Reading a few small files; the disk may be slow.
     let on_disk = tokio::task::spawn_blocking(move || stands.then(|| attributes::OnDisk::read(&folder)));
     let on_disk = on_disk.await.ok().flatten();
@@ -59,7 +59,7 @@ pub(super) async fn page(
         }
         @if let Some(on_disk) = &on_disk {
             (attributes::table(on_disk))
-            (attributes::files(on_disk, &octrees::folder(base, &view.job.name)))
+            (attributes::files(on_disk, &view, &octrees::folder(base, &view.job.name)))
             (share::section(base, &view.job, &shares, now))
         }
         (sources(&view, &inputs, now))
@@ -168,7 +168,7 @@ fn orders(base: &str, view: &JobView) -> Markup {
     let job = &view.job;
     let to = format!("{base}/jobs/{}/order", job.id);
     let can = |event: Event| next(job.state, event).is_some();
-    let stands = view.octree.is_some();
+    let stands = view.stands();
     let gone = matches!(job.state, State::Failed | State::Quarantined | State::Cancelled)
         || (job.state == State::Done && job.superseded_by.is_some());
     let plain = |order: &str, text: &str| {

@@ -9,12 +9,12 @@ use maud::{Markup, html};
 use super::super::Shared;
 use super::super::api::{self, Refusal};
 use super::super::{files, octrees};
-use super::{frame, parts, words};
+use super::{attributes, frame, parts, words};
 use crate::clock::Millis;
 use crate::job::{Job, State};
 use crate::store::Share;
 
-/// What an octree is made of, beside its pictures.
+/// What an octree is made of, beside its pictures and its COPC file.
 const FILES: [&str; 4] = ["metadata.json", "hierarchy.bin", "octree.bin", "report.json"];
 
 fn nothing(shared: &Shared) -> Response {
@@ -57,8 +57,10 @@ pub(super) async fn page(
                 @let wkt = job.result.as_ref().and_then(|report| report["projection"].as_str()).unwrap_or("");
                 (words::crs(wkt).unwrap_or_else(|| "without a coordinate system".to_string()))
             }
-            @let metadata = format!("{below}/metadata.json");
-            p { "For Potree and viewers that read its format: " (parts::copyable(&metadata, Some(&metadata))) }
+            (attributes::addresses(
+                view.octree.as_deref().and_then(here).as_deref(),
+                view.copc.as_deref().and_then(here).as_deref(),
+            ))
         }
     };
     Ok(frame::bare(base, &format!("{name} · Lodestone"), StatusCode::OK, main))
@@ -73,7 +75,8 @@ pub(super) async fn file(
     let Some(name) = shared.store.shared(&token).await? else { return Ok(nothing(&shared)) };
     let picture =
         path.strip_prefix("preview/").is_some_and(|rest| !rest.contains('/') && !rest.starts_with('.'));
-    if !FILES.contains(&path.as_str()) && !picture {
+    let is_copc = path.ends_with(".copc.laz") && !path.contains('/');
+    if !FILES.contains(&path.as_str()) && !is_copc && !picture {
         return Ok(files::missing());
     }
     let place = shared.config.octrees().join(&name);
