@@ -41,6 +41,7 @@ pub mod format;
 pub mod render;
 
 // Work on whole clouds.
+pub mod export;
 pub mod stage;
 pub mod synth;
 pub mod verify;

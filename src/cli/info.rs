@@ -1,6 +1,7 @@
 //! `lodestone info`: a page about an octree or a LAS file, for a person. It
 //! tells what the file says of itself and reads no points.
 
+mod copc;
 mod json;
 
 use std::fmt::{self, Write};
@@ -9,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Exit, grouped, output};
 use crate::cloud::attribute::Scalar;
+use crate::format::copc::is_copc;
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::{self, Metadata, MetadataAttribute, Node, files};
@@ -33,6 +35,8 @@ pub fn run(arguments: Arguments) -> Exit {
     };
     let text = match folder.is_dir() {
         true => of_octree(folder, arguments.json).map_err(|error| super::failed(&error)),
+        false if is_copc(&path) => copc::describe(&path, default_memory_limit(), arguments.json)
+            .map_err(|error| super::failed(&error)),
         false => LasFile::open(&path)
             .map_err(|error| super::failed(&error))
             .map(|file| of_las(&path, file.header(), arguments.json)),
@@ -124,7 +128,9 @@ fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String {
         page.line("projection", one_line(or_none(&metadata.projection)));
     }
     page.0.push('\n');
-    levels(&mut page, metadata, nodes);
+    let rows: Vec<(u8, bool, u32)> =
+        nodes.iter().map(|node| (node.name.level(), node.child_mask == 0, node.points)).collect();
+    levels(&mut page, metadata.spacing, &rows);
     page.0.push('\n');
     attributes(&mut page, metadata);
     page.0
@@ -134,19 +140,20 @@ fn tight_box(position: &MetadataAttribute) -> Option<[[f64; 3]; 2]> {
     Some([*position.min.first_chunk()?, *position.max.first_chunk()?])
 }
 
-/// A table of the levels: spacing, nodes, leaves, points.
-fn levels(page: &mut Page, metadata: &Metadata, nodes: &[Node]) {
-    let deepest = nodes.iter().map(|node| node.name.level()).max().unwrap_or(0);
+/// A table of the levels: spacing, nodes, leaves, points. A node is its level, whether it is
+/// a leaf, and its points.
+fn levels(page: &mut Page, spacing: f64, nodes: &[(u8, bool, u32)]) {
+    let deepest = nodes.iter().map(|node| node.0).max().unwrap_or(0);
     page.line("level", format!("{:>12} {:>12} {:>12} {:>16}", "spacing", "nodes", "leaves", "points"));
     let row = |level: Option<u8>| {
-        let of_level = nodes.iter().filter(move |node| level.is_none_or(|level| node.name.level() == level));
-        let leaves = of_level.clone().filter(|node| node.child_mask == 0).count() as u64;
-        let points = of_level.clone().map(|node| u64::from(node.points)).sum();
+        let of_level = nodes.iter().filter(move |node| level.is_none_or(|level| node.0 == level));
+        let leaves = of_level.clone().filter(|node| node.1).count() as u64;
+        let points = of_level.clone().map(|node| u64::from(node.2)).sum();
         (of_level.count() as u64, leaves, points)
     };
     for level in (0..=deepest).map(Some).chain([None]) {
         let (count, leaves, points) = row(level);
-        let spacing = level.map_or(String::new(), |level| match metadata.spacing / f64::from(level).exp2() {
+        let spacing = level.map_or(String::new(), |level| match spacing / f64::from(level).exp2() {
             spacing if spacing.abs() >= 1e9 => words::number(spacing),
             spacing => format!("{spacing:.6}"),
         });

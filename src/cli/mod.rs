@@ -2,6 +2,7 @@
 
 mod config;
 mod convert;
+mod export;
 mod info;
 mod jobs;
 mod logging;
@@ -14,6 +15,7 @@ mod sheet;
 mod shell;
 mod synth;
 mod verify;
+mod vpc;
 
 use std::process::ExitCode;
 
@@ -50,6 +52,8 @@ enum Command {
     Convert(convert::Arguments),
     Verify(verify::Arguments),
     Preview(preview::Arguments),
+    Export(export::Arguments),
+    Vpc(vpc::Arguments),
     Info(info::Arguments),
     Serve(serve::Arguments),
     Config(config::Arguments),
@@ -88,6 +92,8 @@ pub fn run() -> ExitCode {
         Command::Convert(arguments) => convert::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
         Command::Preview(arguments) => preview::run(arguments),
+        Command::Export(arguments) => export::run(arguments),
+        Command::Vpc(arguments) => vpc::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Serve(arguments) => serve::run(arguments),
         Command::Config(arguments) => config::run(arguments),

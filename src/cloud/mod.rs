@@ -10,7 +10,7 @@ pub mod cube;
 pub mod lattice;
 pub mod moments;
 pub mod mover;
-mod naming;
+pub mod naming;
 pub mod node;
 pub mod outliers;
 pub mod plan;

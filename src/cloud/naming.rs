@@ -134,6 +134,16 @@ fn is_reserved(name: &str) -> bool {
         || VIEWER_NAMES.contains(&bare(name).as_str())
 }
 
+/// The name that a field of extra bytes had before it was numbered, if that is one that
+/// no field can keep.
+pub fn original_name(name: &str) -> &str {
+    let base = name.strip_suffix(')').and_then(|rest| rest.rsplit_once(" ("));
+    match base {
+        Some((base, number)) if number.parse::<u64>().is_ok() && is_reserved(base) => base,
+        _ => name,
+    }
+}
+
 /// A name's letters and digits, in lower case.
 fn bare(name: &str) -> String {
     name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()

@@ -11,8 +11,19 @@ use super::report::PositionError;
 /// Where an attribute's value stands in a LAS record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Source {
-    Bytes { at: usize, length: usize },
-    Bits { at: usize, shift: u8, mask: u8 },
+    Bytes {
+        at: usize,
+        length: usize,
+    },
+    Bits {
+        at: usize,
+        shift: u8,
+        mask: u8,
+    },
+    /// Whole degrees, which become units of 0.006.
+    Degrees {
+        at: usize,
+    },
 }
 
 impl Source {
@@ -20,6 +31,7 @@ impl Source {
         match self {
             Source::Bytes { at, length } => record[at..at + length].iter().all(|&byte| byte == 0),
             Source::Bits { at, shift, mask } => record[at] >> shift & mask == 0,
+            Source::Degrees { at } => record[at] == 0,
         }
     }
 
@@ -27,6 +39,10 @@ impl Source {
         match self {
             Source::Bytes { at, length } => to[..length].copy_from_slice(&record[at..at + length]),
             Source::Bits { at, shift, mask } => to[0] = record[at] >> shift & mask,
+            Source::Degrees { at } => {
+                let angle = (f64::from(record[at] as i8) / 0.006).round() as i16;
+                to[..2].copy_from_slice(&angle.to_le_bytes());
+            }
         }
     }
 }
@@ -226,6 +242,10 @@ impl Mapping {
             match schema.attributes.iter().find(|a| a.name == name) {
                 Some(a) if (a.scalar, a.elements) == (scalar, elements) => mapping.take(schema, name, source),
                 Some(_) => mapping.mistyped.push(name.to_string()),
+                // COPC of other programs has no place for whole degrees.
+                None if name == "scan angle rank" && has_angle(octree) => {
+                    mapping.take(schema, "scan angle", Source::Degrees { at: 16 });
+                }
                 None => mapping.left.push((name.to_string(), LeftOut(source))),
             }
         }
@@ -298,6 +318,11 @@ impl PositionError {
     }
 }
 
+fn has_angle(octree: &Octree) -> bool {
+    let is_angle = |a: &Attribute| (a.name.as_str(), a.scalar) == ("scan angle", Scalar::I16);
+    octree.copc().is_some() && octree.schema.attributes.iter().any(is_angle)
+}
+
 /// The attribute under which an extra field is stored: of its type, and called
 /// like it, or like it with a number in brackets where the name was taken. Of
 /// several the one with the field's own scale and offset.
@@ -345,6 +370,7 @@ mod tests {
                         assert_eq!(covered[at] & mask << shift, 0, "{name}");
                         covered[at] |= mask << shift;
                     }
+                    Source::Degrees { .. } => unreachable!("no field of a format"),
                 }
             }
             assert!(covered.iter().all(|&c| c == 0xff), "format {format}: {covered:x?}");

@@ -8,6 +8,7 @@
 
 mod against;
 mod colours;
+mod copc;
 mod cube;
 mod digest;
 mod inputs;
@@ -28,6 +29,7 @@ mod walk;
 
 use std::path::PathBuf;
 
+use crate::format::copc::{CopcError, is_copc};
 use crate::format::inputs::{InputsError, expand};
 use crate::format::las::LasError;
 use crate::format::potree::{Metadata, PotreeError};
@@ -38,7 +40,7 @@ pub use walk::Spacing;
 /// What is to be verified.
 #[derive(Debug, Clone)]
 pub struct Request {
-    /// The octree's folder.
+    /// The octree's folder, or a COPC file.
     pub octree: PathBuf,
     /// The files that it was made of, folders of them, or lists (`@list`); none:
     /// the octree is checked on its own.
@@ -60,6 +62,8 @@ pub enum VerifyError {
     Las(#[from] LasError),
     #[error(transparent)]
     Inputs(#[from] InputsError),
+    #[error(transparent)]
+    Copc(#[from] CopcError),
 }
 
 /// Checks an octree, on the threads of the current rayon pool.
@@ -68,6 +72,9 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
         true => Vec::new(),
         false => expand(&request.against)?,
     };
+    if !request.octree.is_dir() && is_copc(&request.octree) {
+        return copc::verify(request, &files);
+    }
     let mut octree = match Octree::open(&request.octree, request.memory_limit) {
         Opened::Whole(octree) => octree,
         Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),

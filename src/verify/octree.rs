@@ -10,11 +10,16 @@ use std::sync::Arc;
 
 use super::colours::Colours;
 use super::limits::{self, Purse};
-use crate::cloud::attribute::Schema;
+use super::structure;
+use crate::cloud::attribute::{RGB_AVERAGE, RGB_ORIGINAL, Schema};
+use crate::cloud::node::NodeKey;
 use crate::disk::others::{Links, read_file};
+use crate::format::copc::{CopcCube, CopcError, CopcFile, Entry, hierarchy};
 use crate::format::las::LasFile;
+use crate::format::potree::Generator;
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
+use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Encoding, Metadata, Node, NodeName, PotreeError, files};
 
 /// Points of a block that is read at once, and its bytes.
@@ -45,7 +50,15 @@ pub struct Octree {
     /// Nodes whose points are not read, and why.
     left_out: HashMap<NodeName, &'static str>,
     purse: Purse,
-    file: File,
+    body: Body,
+}
+
+/// Where the points are.
+#[derive(Debug)]
+enum Body {
+    /// octree.bin.
+    Potree(File),
+    Copc(Box<CopcFile>),
 }
 
 /// `set-aside.laz` and its kind in an octree's folder, sorted.
@@ -116,8 +129,43 @@ impl Octree {
             readable,
             left_out,
             purse,
-            file,
+            body: Body::Potree(file),
         })
+    }
+
+    /// The same of a COPC file, described as if it were an octree of Potree.
+    pub fn of_copc(file: CopcFile, memory_limit: u64) -> Octree {
+        let schema = file.schema().clone();
+        let folder = file.path().parent().unwrap_or(Path::new("")).to_path_buf();
+        // What lies beside others' files has nothing to do with them.
+        let (set_aside, dropped) = match file.is_own() {
+            true => (set_aside(&folder), dropped(&folder)),
+            false => (Vec::new(), 0),
+        };
+        let nodes = copc_nodes(&file);
+        let metadata = copc_metadata(&file, &folder, structure::depth(&nodes));
+        Octree {
+            colours: Colours::of(&metadata, &schema),
+            metadata,
+            schema,
+            nodes,
+            oddities: Vec::new(),
+            bytes: file.bytes(),
+            set_aside,
+            dropped,
+            readable: HashMap::new(),
+            left_out: HashMap::new(),
+            purse: Purse::new((memory_limit / 2).max(LEAST_PURSE)),
+            body: Body::Copc(Box::new(file)),
+        }
+    }
+
+    /// The COPC file that this is.
+    pub fn copc(&self) -> Option<&CopcFile> {
+        match &self.body {
+            Body::Copc(file) => Some(file),
+            Body::Potree(_) => None,
+        }
     }
 
     /// Why the points of a node are not read although its bytes are there.
@@ -127,6 +175,9 @@ impl Octree {
 
     /// Whether a node's bytes lie in octree.bin and can be as many points.
     pub fn is_readable(&self, node: &Node) -> bool {
+        if self.copc().is_some() {
+            return true;
+        }
         let end = node.offset.checked_add(node.size);
         let fits = is_believable(&self.schema, self.metadata.encoding, node.points, node.size);
         fits && end.is_some_and(|end| end <= self.bytes)
@@ -151,6 +202,10 @@ impl Octree {
         let record_size = self.schema.record_size();
         // Sums and samples of a node are no larger than its records.
         let records = u64::from(node.points).saturating_mul(record_size as u64);
+        let file = match &self.body {
+            Body::Potree(file) => file,
+            Body::Copc(copc) => return self.copc_block(copc, node, records, block),
+        };
         if self.metadata.encoding == Encoding::Brotli {
             let unpacked = unpacked_size(&self.schema, Encoding::Brotli, node.points);
             let _memory = self.purse.take(node.size + unpacked + 2 * records).ok_or_else(|| {
@@ -158,7 +213,7 @@ impl Octree {
                 PotreeError::Points(format!("{points} points do not fit {most} bytes of memory"))
             })?;
             let mut bytes = files::zeroed(node.size)?;
-            self.file.read_exact_at(&mut bytes, node.offset).map_err(damaged)?;
+            file.read_exact_at(&mut bytes, node.offset).map_err(damaged)?;
             block(&potree::decode_node(&self.schema, Encoding::Brotli, node.points, &bytes)?);
             return Ok(());
         }
@@ -167,12 +222,100 @@ impl Octree {
         let (mut offset, end) = (node.offset, node.offset + node.size);
         while offset < end {
             let length = ((end - offset) as usize).min(bytes.len());
-            self.file.read_exact_at(&mut bytes[..length], offset).map_err(damaged)?;
+            file.read_exact_at(&mut bytes[..length], offset).map_err(damaged)?;
             block(&bytes[..length]);
             offset += length as u64;
         }
         Ok(())
     }
+}
+
+impl Octree {
+    /// A chunk is decoded whole: its bytes, its records as LAS, and those of the octree.
+    fn copc_block(
+        &self,
+        copc: &CopcFile,
+        node: &Node,
+        records: u64,
+        mut block: impl FnMut(&[u8]),
+    ) -> potree::Result<()> {
+        let damaged = |error: CopcError| PotreeError::Points(error.to_string());
+        let _memory = self.purse.take(node.size + 3 * records).ok_or_else(|| {
+            let (points, most) = (node.points, self.purse.most);
+            PotreeError::Points(format!("{points} points do not fit {most} bytes of memory"))
+        })?;
+        let Some(entry) = entry_of(copc, node.name) else { return Ok(()) };
+        let mut decoded = Vec::new();
+        copc.reader().and_then(|mut reader| reader.read(entry, &mut decoded)).map_err(damaged)?;
+        block(&decoded);
+        Ok(())
+    }
+}
+
+/// The entry of a node in the file's hierarchy.
+pub fn entry_of(file: &CopcFile, name: NodeName) -> Option<&Entry> {
+    let at = name.cell().map(|c| c as u32);
+    file.node(NodeKey { level: name.level(), at })
+}
+
+fn copc_nodes(file: &CopcFile) -> Vec<Node> {
+    let mut nodes: Vec<Node> = (file.nodes().iter())
+        .filter_map(|entry| {
+            let name = NodeName::from_cell(entry.key.level, entry.key.at.map(u64::from))?;
+            let child_mask = (0..8).filter(|&index| {
+                entry.key.level < hierarchy::MAX_LEVEL && file.node(entry.key.child(index)).is_some()
+            });
+            let child_mask = child_mask.fold(0, |mask, index| mask | 1 << index);
+            let (points, offset, size) = (entry.points, entry.offset, u64::from(entry.size));
+            Some(Node { name, child_mask, points, offset, size })
+        })
+        .collect();
+    nodes.sort_unstable_by_key(|node| node.name);
+    nodes
+}
+
+fn copc_metadata(file: &CopcFile, folder: &Path, depth: u32) -> Metadata {
+    let CopcCube { center, halfsize } = file.cube();
+    let has = |name: &str| file.schema().attributes.iter().any(|attribute| attribute.name == name);
+    let lod_color = match (has(RGB_AVERAGE), has(RGB_ORIGINAL)) {
+        _ if !file.is_own() => None,
+        (true, _) => Some("attribute".to_string()),
+        (_, true) => Some("average".to_string()),
+        _ => None,
+    };
+    let left_out = if file.is_own() { left_out(folder) } else { Vec::new() };
+    let name = file.path().file_name().map(|name| name.to_string_lossy().into_owned());
+    Metadata {
+        version: "2.0".to_string(),
+        name: name.unwrap_or_default(),
+        description: String::new(),
+        points: file.front.points,
+        projection: String::new(),
+        crs: file.header.crs.as_ref().map(|crs| crs.text.clone()).unwrap_or_default(),
+        gps_time_offset: None,
+        hierarchy: HierarchyEntry { first_chunk_size: 0, step_size: 4, depth },
+        offset: file.front.offset,
+        scale: file.front.scale,
+        spacing: file.spacing(),
+        bounding_box: BoundingBox { min: center.map(|c| c - halfsize), max: center.map(|c| c + halfsize) },
+        encoding: Encoding::Default,
+        generator: Some(Generator {
+            name: file.header.software.clone(),
+            version: String::new(),
+            sampling: String::new(),
+            lod_color,
+            left_out,
+        }),
+        attributes: Vec::new(),
+    }
+}
+
+/// Attributes that were left out on request, as the conversion's report says.
+fn left_out(folder: &Path) -> Vec<String> {
+    let report = read_file(&folder.join("report.json"), Links::Followed, MOST_REPORT).ok();
+    let report: Option<serde_json::Value> = report.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let names = report.and_then(|report| report["left_out"].as_array().cloned()).unwrap_or_default();
+    names.iter().filter_map(|name| name.as_str().map(str::to_string)).collect()
 }
 
 /// The position at the front of a record.

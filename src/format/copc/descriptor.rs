@@ -62,6 +62,10 @@ pub struct Field {
 }
 
 impl Field {
+    pub fn name(&self) -> String {
+        crate::format::las::field_text(&self.bytes[NAME])
+    }
+
     /// Says the smallest and largest stored value, where the input's description did.
     pub fn set_range(&mut self, scalar: Scalar, min: f64, max: f64) {
         let options = self.bytes[OPTIONS];
@@ -83,6 +87,11 @@ fn any_type(scalar: Scalar, value: f64) -> [u8; 8] {
         Scalar::I8 | Scalar::I16 | Scalar::I32 | Scalar::I64 => (value as i64).to_le_bytes(),
         Scalar::F32 | Scalar::F64 => value.to_le_bytes(),
     }
+}
+
+/// The names of the fields that an extra-bytes record describes.
+pub fn names(data: &[u8]) -> Vec<String> {
+    data.chunks_exact(DESCRIPTOR).map(|bytes| crate::format::las::field_text(&bytes[NAME])).collect()
 }
 
 /// The descriptions of an attribute that goes into the extra bytes, in their order; their
@@ -231,7 +240,7 @@ mod tests {
     use super::*;
 
     fn names(fields: &[Field]) -> Vec<String> {
-        fields.iter().map(|f| crate::format::las::field_text(&f.bytes[NAME])).collect()
+        fields.iter().map(Field::name).collect()
     }
 
     #[test]

@@ -4,9 +4,14 @@
 //! The front has the same length whatever it will say, so chunks can be written before it is
 //! known how many there are.
 
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
 use super::descriptor::Field;
 use super::hierarchy::{self, Entry, name};
 use super::{CopcError, Layout, statistics};
+use crate::cloud::attribute::Attribute;
 use crate::cloud::cube::Cube;
 use crate::cloud::lattice::Lattice;
 use crate::cloud::moments::Moments;
@@ -33,6 +38,14 @@ const MAX_RECORD: usize = u16::MAX as usize;
 /// octree's records again.
 pub const SCHEMA_USER: &str = "lodestone";
 pub const SCHEMA_ID: u16 = 1;
+
+/// What the record says: the attributes of the octree, and the names of the fields of extra
+/// bytes. If those are not the file's, another program has passed the record on.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Told<'a> {
+    pub attributes: Cow<'a, [Attribute]>,
+    pub fields: Vec<String>,
+}
 
 /// The cube that all nodes divide.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -188,8 +201,12 @@ impl Head {
         if let Some(wkt) = &self.wkt {
             records.push(("LASF_Projection", 2112, "CRS", wkt.bytes().chain([0]).collect()));
         }
+        let told = Told {
+            attributes: Cow::Borrowed(&self.layout.schema().attributes),
+            fields: fields.iter().map(Field::name).collect(),
+        };
         // JSON of plain values cannot fail.
-        let schema = serde_json::to_vec(self.layout.schema()).unwrap_or_default();
+        let schema = serde_json::to_vec(&told).unwrap_or_default();
         records.push((SCHEMA_USER, SCHEMA_ID, "Attributes of the octree", schema));
         records
     }

@@ -9,6 +9,7 @@ use super::CopcError;
 use super::descriptor::{self, Described, Field};
 use super::moves::Moves;
 use crate::cloud::attribute::{Attribute, ExtraField, RGB, RGB_AVERAGE, RGB_ORIGINAL, Scalar, Schema};
+use crate::cloud::naming::original_name;
 use crate::cloud::record::{Place, standard_attributes};
 use crate::format::las::record_length;
 
@@ -151,13 +152,31 @@ impl Layout {
         self.fields.iter().flat_map(|field| field.bytes.iter().copied()).collect()
     }
 
-    /// The extra bytes as fields of a LAS file to be written, each attribute one.
+    /// The extra bytes as fields of a LAS file to be written, each attribute one, under the
+    /// names that they had in the inputs.
     pub fn extra_fields(&self) -> Vec<ExtraField> {
-        crate::format::las::described_fields(
-            &self.description(),
-            self.record_length - self.extra_bytes(),
-            self.record_length,
-        )
+        let mut indices: Vec<usize> = self.fields.iter().map(|field| field.attribute).collect();
+        indices.dedup();
+        let mut position = self.record_length - self.extra_bytes();
+        let field = |index: usize| {
+            let attribute = &self.schema.attributes[index];
+            let unless = |values: &[f64], none: f64| match values.iter().all(|value| *value == none) {
+                true => Vec::new(),
+                false => values.to_vec(),
+            };
+            let at = position;
+            position += attribute.size();
+            ExtraField {
+                name: original_name(&attribute.name).to_string(),
+                description: attribute.description.clone(),
+                scalar: attribute.scalar,
+                elements: attribute.elements,
+                position: at,
+                scale: unless(&attribute.scale, 1.0),
+                offset: unless(&attribute.offset, 0.0),
+            }
+        };
+        indices.into_iter().map(field).collect()
     }
 
     /// LAS records from as many of the octree; what was in `records` is replaced.

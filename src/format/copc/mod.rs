@@ -11,6 +11,8 @@ pub mod file;
 pub mod hierarchy;
 mod layout;
 mod moves;
+mod reader;
+pub mod source;
 mod statistics;
 
 pub use chunk::{ChunkDecoder, ChunkEncoder};
@@ -18,6 +20,8 @@ pub use descriptor::Described;
 pub use file::{CopcCube, Head, Places, Record, Tail, Totals, tail};
 pub use hierarchy::Entry;
 pub use layout::Layout;
+pub use reader::{CopcFile, NodeReader};
+pub use source::is_copc;
 
 /// Why something cannot be written as COPC, or cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -38,3 +42,6 @@ pub enum CopcError {
     #[error(transparent)]
     Las(#[from] crate::format::las::LasError),
 }
+
+#[cfg(test)]
+mod tests;

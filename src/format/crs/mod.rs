@@ -4,10 +4,12 @@
 //! Pure, and of bounded depth: the texts come from files.
 
 pub mod epsg;
+mod geographic;
 mod methods;
 mod proj4;
 pub mod wkt;
 
+pub use geographic::ToDegrees;
 pub use methods::geotiff_method;
 use wkt::Node;
 

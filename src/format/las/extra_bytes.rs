@@ -91,11 +91,6 @@ pub fn descriptors<'a>(
     fields.iter().zip(of_fields).map(|(field, bytes)| (field.name.clone(), bytes.to_vec())).collect()
 }
 
-/// The fields of descriptions that are known to be sound.
-pub fn described_fields(data: &[u8], standard_length: usize, record_length: usize) -> Vec<ExtraField> {
-    parse([data].into_iter(), standard_length, record_length, &mut Vec::new())
-}
-
 /// One description without its position; nothing for a type that LAS does not
 /// define.
 fn parse_descriptor(descriptor: &[u8]) -> Option<ExtraField> {

@@ -38,7 +38,7 @@ mod writer;
 
 pub use crs::{Crs, CrsSource};
 pub use error::LasError;
-pub use extra_bytes::{UNDESCRIBED, described_fields};
+pub use extra_bytes::UNDESCRIBED;
 pub use gps_time::GpsTime;
 pub use header::{Created, Header};
 pub use layout::Layout;

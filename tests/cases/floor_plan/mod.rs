@@ -52,6 +52,7 @@ const OWNED: &[(&str, &[&str])] = &[
     ("laz", &["src/format/las/"]),
     ("brotli", &["src/format/potree/"]),
     ("crs_definitions", &["src/format/crs/"]),
+    ("proj4rs", &["src/format/crs/"]),
     ("sqlx", &["src/store/"]),
     ("axum", &["src/web/", "src/daemon/"]),
     ("hyper", &["src/web/"]),

@@ -1,0 +1,61 @@
+//! `lodestone vpc`: the COPC files of a folder as one virtual point cloud.
+
+use std::path::{Path, PathBuf};
+
+use super::output::{complain, say};
+use super::{Exit, grouped};
+use crate::disk::Disk;
+use crate::export::vpc;
+use crate::stage::machine;
+use crate::words::Plain;
+
+/// List the COPC files of a folder as one virtual point cloud, which QGIS and PDAL open as one
+/// layer
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A folder with COPC files in it, or in the folders in it
+    folder: PathBuf,
+    /// The file to write; NAME.vpc in the folder, after its name, if not given
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// A COPC file with some points of all the others, to show from afar
+    #[arg(long, value_name = "COPC")]
+    overview: Option<PathBuf>,
+    /// Print the list and write no file
+    #[arg(long, conflicts_with = "output")]
+    print: bool,
+}
+
+pub fn run(arguments: Arguments) -> Exit {
+    let folder = arguments.folder;
+    if !folder.is_dir() {
+        complain(format_args!("{} is no folder", Plain(folder.display())));
+        return Exit::Failed;
+    }
+    let output = arguments.output.unwrap_or_else(|| folder.join(format!("{}.vpc", name_of(&folder))));
+    let beside = output.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let made = vpc::list(&folder, beside, arguments.overview.as_deref(), machine::default_memory_limit());
+    for (path, reason) in &made.left_out {
+        complain(format_args!("{} is left out: {}", Plain(path.display()), Plain(reason)));
+    }
+    if made.files == 0 {
+        complain(format_args!("{} has no COPC file (*.copc.laz) that can be read", Plain(folder.display())));
+        return Exit::Failed;
+    }
+    if arguments.print {
+        say!("{}", made.json.trim_end());
+    } else {
+        if let Err(error) = Disk::new().write_atomic(&output, made.json.as_bytes()) {
+            return super::failed(&error);
+        }
+        let (path, files, points) =
+            (Plain(output.display()), grouped(made.files as u64), grouped(made.points));
+        say!("{path}: {files} COPC files with {points} points");
+    }
+    if made.left_out.is_empty() { Exit::Done } else { Exit::Failed }
+}
+
+fn name_of(folder: &Path) -> String {
+    let absolute = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
+    absolute.file_name().map_or("clouds".to_string(), |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,215 @@
+//! What can be exported, under one roof: an octree of Potree, ours or PotreeConverter's,
+//! and a COPC file, ours or anybody's.
+
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::ExportError;
+use crate::cloud::attribute::Schema;
+use crate::format::copc::{CopcFile, Entry, is_copc};
+use crate::format::las::{GpsTime, Vlr};
+use crate::format::potree::encoding::{is_believable, unpacked_size};
+use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
+use crate::format::potree::{self, Encoding, Metadata, PotreeError, decode_node, files};
+
+/// Seconds of a week: GPS times beyond are none of one.
+const WEEK: f64 = 604_800.0;
+
+/// A node with where it lies.
+#[derive(Debug, Clone, Copy)]
+pub struct Node {
+    pub level: u8,
+    pub cell: [u64; 3],
+    pub points: u32,
+    /// Bytes of the file.
+    offset: u64,
+    size: u64,
+}
+
+/// A cloud, open for reading by many threads.
+pub struct Cloud {
+    pub schema: Schema,
+    pub scale: [f64; 3],
+    pub offset: [f64; 3],
+    /// The root cube: its smallest corner, and its side.
+    pub corner: [f64; 3],
+    pub side: f64,
+    pub crs: Vec<Vlr>,
+    pub gps_time: GpsTime,
+    pub has_averages: bool,
+    /// Whether all values are said to fit the point formats 0 to 5.
+    pub fits_legacy: bool,
+    /// In the order of the file.
+    pub nodes: Vec<Node>,
+    body: Body,
+}
+
+enum Body {
+    Potree { folder: PathBuf, file: File, bytes: u64, encoding: Encoding },
+    Copc(Box<CopcFile>),
+}
+
+impl Cloud {
+    /// Opens an octree's folder, the COPC file in a folder without one, or a COPC file.
+    pub fn open(path: &Path, memory_limit: u64) -> Result<Cloud, ExportError> {
+        let path = match path.file_name().is_some_and(|name| name == potree::METADATA) {
+            true => path.parent().unwrap_or(Path::new(".")),
+            false => path,
+        };
+        if !path.is_dir() {
+            return match is_copc(path) {
+                true => Ok(of_copc(CopcFile::open(path, memory_limit)?)),
+                // What cannot be opened says why; anything else is no COPC.
+                false => match fs::File::open(path) {
+                    Err(error) => Err(crate::disk::DiskError::new("open", path, error).into()),
+                    Ok(_) => Err(ExportError::NoCloud(path.to_path_buf())),
+                },
+            };
+        }
+        if path.join(potree::METADATA).exists() {
+            let of_octree = |source| ExportError::Octree { path: path.to_path_buf(), source };
+            return of_potree(path, memory_limit).map_err(of_octree);
+        }
+        match copc_in(path).as_slice() {
+            [only] => Ok(of_copc(CopcFile::open(only, memory_limit)?)),
+            _ => Err(ExportError::NoCloud(path.to_path_buf())),
+        }
+    }
+
+    /// Bytes of memory that reading a node takes at most.
+    pub fn cost(&self, node: &Node) -> u64 {
+        let records = u64::from(node.points) * self.schema.record_size() as u64;
+        match &self.body {
+            Body::Potree { encoding, .. } => {
+                node.size + unpacked_size(&self.schema, *encoding, node.points) + records
+            }
+            Body::Copc(_) => node.size + 3 * records,
+        }
+    }
+
+    /// A node's records in the schema.
+    pub fn read(&self, node: &Node) -> Result<Vec<u8>, ExportError> {
+        if node.points == 0 {
+            return Ok(Vec::new());
+        }
+        match &self.body {
+            Body::Copc(file) => {
+                let at = node.cell.map(|c| c as u32);
+                let key = crate::cloud::node::NodeKey { level: node.level, at };
+                let mut records = Vec::new();
+                if let Some(entry) = file.node(key) {
+                    file.reader()?.read(entry, &mut records)?;
+                }
+                Ok(records)
+            }
+            Body::Potree { folder, file, bytes, encoding } => {
+                let of_octree = |source| ExportError::Octree { path: folder.clone(), source };
+                let end = node.offset.checked_add(node.size);
+                if !is_believable(&self.schema, *encoding, node.points, node.size)
+                    || end.is_none_or(|end| end > *bytes)
+                {
+                    let (points, size) = (node.points, node.size);
+                    let what = format!("{points} points in {size} bytes of octree.bin cannot be");
+                    return Err(of_octree(PotreeError::Points(what)));
+                }
+                let mut stored = files::zeroed(node.size).map_err(of_octree)?;
+                file.read_exact_at(&mut stored, node.offset).map_err(|error| {
+                    crate::disk::DiskError::new("read", &folder.join(potree::OCTREE), error)
+                })?;
+                match encoding {
+                    Encoding::Default => Ok(stored),
+                    Encoding::Brotli => {
+                        decode_node(&self.schema, *encoding, node.points, &stored).map_err(of_octree)
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The COPC files of a folder, sorted.
+pub fn copc_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_named_so = |path: &PathBuf| {
+        let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase());
+        name.is_some_and(|name| name.ends_with(".copc.laz") && !name.starts_with('.'))
+    };
+    let mut files: Vec<PathBuf> = entries.filter(is_named_so).filter(|path| path.is_file()).collect();
+    files.sort();
+    files
+}
+
+fn of_copc(file: CopcFile) -> Cloud {
+    let node = |entry: &Entry| Node {
+        level: entry.key.level,
+        cell: entry.key.at.map(u64::from),
+        points: entry.points,
+        offset: entry.offset,
+        size: u64::from(entry.size),
+    };
+    let mut nodes: Vec<Node> = file.nodes().iter().map(node).collect();
+    nodes.sort_by_key(|node| node.offset);
+    let cube = file.cube();
+    Cloud {
+        schema: file.schema().clone(),
+        scale: file.front.scale,
+        offset: file.front.offset,
+        corner: cube.center.map(|c| c - cube.halfsize),
+        side: 2.0 * cube.halfsize,
+        crs: file.header.crs_records.clone(),
+        gps_time: file.header.gps_time,
+        has_averages: file.is_own(),
+        fits_legacy: true,
+        nodes,
+        body: Body::Copc(Box::new(file)),
+    }
+}
+
+fn of_potree(folder: &Path, memory_limit: u64) -> potree::Result<Cloud> {
+    let metadata = Metadata::read(folder)?;
+    metadata.check_numbers()?;
+    let schema = metadata.schema()?;
+    let (hierarchy, length) = files::open(folder, potree::HIERARCHY)?;
+    let most = most_nodes((memory_limit / 4).max(64 << 20));
+    let (nodes, _) = inspect_hierarchy_file(&hierarchy, length, metadata.hierarchy.first_chunk_size, most)?;
+    let (file, bytes) = files::open(folder, potree::OCTREE)?;
+    let node = |node: &potree::Node| Node {
+        level: node.name.level(),
+        cell: node.name.cell(),
+        points: node.points,
+        offset: node.offset,
+        size: node.size,
+    };
+    let mut nodes: Vec<Node> = nodes.iter().map(node).collect();
+    nodes.sort_by_key(|node| node.offset);
+    let max = |name: &str| {
+        let attribute = metadata.attributes.iter().find(|attribute| attribute.name == name);
+        attribute.and_then(|attribute| attribute.max.first().copied()).unwrap_or(0.0)
+    };
+    let fits = [
+        ("return number", 7.0),
+        ("number of returns", 7.0),
+        ("classification", 31.0),
+        ("classification flags", 7.0),
+    ];
+    let crs = metadata.crs();
+    Ok(Cloud {
+        scale: metadata.scale,
+        offset: metadata.offset,
+        corner: metadata.bounding_box.min,
+        side: metadata.bounding_box.max[0] - metadata.bounding_box.min[0],
+        crs: if crs.contains('[') { vec![Vlr::wkt(crs)] } else { Vec::new() },
+        gps_time: match metadata.gps_time_offset {
+            Some(offset) => GpsTime::Standard { offset },
+            // The octree does not say; no week has more seconds.
+            None if max("gps-time") > WEEK => GpsTime::ADJUSTED,
+            None => GpsTime::Week,
+        },
+        has_averages: metadata.generator.as_ref().is_some_and(|generator| generator.lod_color.is_some()),
+        fits_legacy: fits.iter().all(|(name, most)| max(name) <= *most),
+        nodes,
+        body: Body::Potree { folder: folder.to_path_buf(), file, bytes, encoding: metadata.encoding },
+        schema,
+    })
+}
