@@ -14,6 +14,7 @@ use super::hook::{self, Ended};
 use super::preview::{Previews, Room};
 use super::sources::{self, Left, Plan, PutAway};
 use super::verification::Verifications;
+use super::virtual_cloud::VirtualCloud;
 use crate::clock::Millis;
 use crate::job::{JobId, State};
 use crate::stage::context::Cancel;
@@ -53,6 +54,7 @@ pub(super) struct Aftermath {
     purged_at: Millis,
     previews: Previews,
     verifications: Verifications,
+    virtual_cloud: VirtualCloud,
 }
 
 impl Aftermath {
@@ -72,6 +74,7 @@ impl Aftermath {
         self.previews.turn(tools, if resting { Room::None } else { room }).await?;
         // Nothing runs beside a suspect.
         self.verifications.turn(tools, resting || room == Room::None).await?;
+        self.virtual_cloud.turn(tools, stopping).await;
         if stopping {
             return Ok(());
         }

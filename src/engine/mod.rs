@@ -22,6 +22,7 @@ mod sources;
 mod stall;
 mod starting;
 mod verification;
+mod virtual_cloud;
 mod worker;
 
 use std::collections::{HashMap, HashSet, VecDeque};

@@ -2,8 +2,8 @@
 //! in a bounded amount of memory. `vpc` lists COPC files as one virtual point cloud.
 
 mod cloud;
-mod las;
 mod pick;
+mod points;
 pub mod vpc;
 
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use crate::format::copc::CopcError;
 use crate::format::las::LasError;
 use crate::format::potree::PotreeError;
 
-pub use las::export;
+pub use points::export;
 
 /// What is to be exported.
 #[derive(Debug, Clone)]

@@ -97,6 +97,7 @@ fn number(text: String) -> HeaderValue {
 fn media_type(path: &Path) -> &'static str {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("json") => "application/json",
+        Some("vpc") => "application/geo+json",
         Some("png") => "image/png",
         Some("webp") => "image/webp",
         Some("mp4") => "video/mp4",

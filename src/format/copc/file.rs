@@ -16,7 +16,7 @@ use crate::cloud::cube::Cube;
 use crate::cloud::lattice::Lattice;
 use crate::cloud::moments::Moments;
 use crate::cloud::statistics::Statistics;
-use crate::format::las::{self, Created, laszip_record};
+use crate::format::las::{Created, chunk_table, laszip_record};
 
 /// Bytes of the header of LAS 1.4.
 pub const HEADER: usize = 375;
@@ -276,7 +276,7 @@ pub fn tail(
         return Err(CopcError::Records(format!("the last chunk ends at {at}, not at {points_end}")));
     }
     let sizes = chunks.iter().map(|entry| (u64::from(entry.points), u64::from(entry.size)));
-    let mut bytes = las::chunk_table(sizes).map_err(CopcError::Records)?;
+    let mut bytes = chunk_table(sizes).map_err(CopcError::Records)?;
     let extended_at = points_end + bytes.len() as u64;
     let root_at = extended_at + EXTENDED_FRONT as u64;
     let pages = hierarchy::pages(entries, root_at);
