@@ -85,6 +85,8 @@ pub fn run(arguments: Arguments) -> Exit {
         let into = match &arguments.output {
             Some(folder) if several => folder.join(&name),
             Some(folder) => folder.clone(),
+            // Beside a COPC file.
+            None if octree.is_file() => octree.with_file_name("preview"),
             None => octree.join("preview"),
         };
         match pool.install(|| preview(octree, &into, &options, &context(&into, threads))) {

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
+use crate::format::copc::CopcError;
 use crate::format::potree::PotreeError;
 
 pub type Result<T> = std::result::Result<T, RenderError>;
 
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
+    #[error(transparent)]
+    Copc(#[from] CopcError),
     #[error("{}: {source}", folder.display())]
     Octree {
         folder: PathBuf,

@@ -17,6 +17,7 @@
 
 pub mod camera;
 pub mod colour;
+mod copc;
 pub mod cpu;
 pub mod cutaway;
 pub mod encode;

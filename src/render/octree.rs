@@ -1,6 +1,7 @@
 //! A finished octree, read by the node and no further: the hierarchy by the
 //! chunk of four levels, the points by the byte range. A picture of a thousand
-//! million points opens as many chunks as it has to look at, not all of them.
+//! million points opens as many chunks as it has to look at, not all of them. Or a COPC
+//! file, whose nodes are decoded one at a time.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -10,6 +11,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::copc::{self, CopcNodes};
 use super::error::{RenderError, Result};
 use crate::cloud::attribute::Schema;
 use crate::format::crs;
@@ -32,17 +34,28 @@ pub struct Octree {
     pub schema: Schema,
     /// What a unit of each axis counts in pictures: 1, or of degrees their meters.
     unit: [f64; 3],
+    source: Source,
+    nodes: HashMap<NodeName, Node>,
+    proxies: HashMap<NodeName, Proxy>,
+    /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
+    unclaimed: u64,
+    bytes_read: AtomicU64,
+}
+
+/// Where its nodes come from.
+enum Source {
+    Potree(Files),
+    Copc(Box<CopcNodes>),
+}
+
+/// The files of a Potree octree.
+struct Files {
     hierarchy: File,
     hierarchy_bytes: u64,
     points: File,
     points_bytes: u64,
     /// Parts of octree.bin that were never written.
     holes: Vec<Range<u64>>,
-    nodes: HashMap<NodeName, Node>,
-    proxies: HashMap<NodeName, Proxy>,
-    /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
-    unclaimed: u64,
-    bytes_read: AtomicU64,
 }
 
 /// Meters of a degree where the cloud lies, if it counts in degrees: a picture in
@@ -63,8 +76,35 @@ fn unit(metadata: &Metadata) -> [f64; 3] {
 }
 
 impl Octree {
-    /// Opens the octree in a folder, ours or PotreeConverter's.
-    pub fn open(folder: &Path) -> Result<Octree> {
+    /// Opens the octree in a folder, ours or PotreeConverter's; or a COPC file, by its
+    /// own name or that of a folder with no octree in it.
+    pub fn open(path: &Path) -> Result<Octree> {
+        let octree = match copc::file_in(path) {
+            Some(file) => Octree::open_copc(&file)?,
+            None => Octree::open_potree(path)?,
+        };
+        match octree.metadata.points {
+            0 => Err(RenderError::Nothing { folder: path.to_path_buf() }),
+            _ => Ok(octree),
+        }
+    }
+
+    fn open_copc(file: &Path) -> Result<Octree> {
+        let (source, metadata, nodes) = CopcNodes::open(file)?;
+        Ok(Octree {
+            folder: file.to_path_buf(),
+            unit: unit(&metadata),
+            schema: source.schema().clone(),
+            metadata,
+            source: Source::Copc(Box::new(source)),
+            nodes,
+            proxies: HashMap::new(),
+            unclaimed: 0,
+            bytes_read: AtomicU64::new(0),
+        })
+    }
+
+    fn open_potree(folder: &Path) -> Result<Octree> {
         let of_octree = |source| RenderError::Octree { folder: folder.to_path_buf(), source };
         let metadata = Metadata::read(folder).map_err(of_octree)?;
         metadata.check_numbers().map_err(of_octree)?;
@@ -72,33 +112,26 @@ impl Octree {
         let (hierarchy, hierarchy_bytes) = files::open(folder, potree::HIERARCHY).map_err(of_octree)?;
         let (points, points_bytes) = files::open(folder, potree::OCTREE).map_err(of_octree)?;
         let first = Proxy::first(metadata.hierarchy.first_chunk_size);
-        let octree = Octree {
+        let holes = files::holes(&points, points_bytes);
+        Ok(Octree {
             folder: folder.to_path_buf(),
             unit: unit(&metadata),
             metadata,
             schema,
-            hierarchy,
-            hierarchy_bytes,
-            holes: files::holes(&points, points_bytes),
-            points,
-            points_bytes,
+            source: Source::Potree(Files { hierarchy, hierarchy_bytes, points, points_bytes, holes }),
             nodes: HashMap::new(),
             proxies: HashMap::from([(NodeName::ROOT, first)]),
             unclaimed: hierarchy_bytes,
             bytes_read: AtomicU64::new(0),
-        };
-        if octree.metadata.points == 0 {
-            return Err(RenderError::Nothing { folder: folder.to_path_buf() });
-        }
-        Ok(octree)
+        })
     }
 
     /// The node of a name; `None` where there is none. Opens its chunk of the
     /// hierarchy where that was not looked at yet.
     pub fn node(&mut self, name: NodeName) -> Result<Option<Node>> {
-        if let Some(proxy) = self.proxies.remove(&name) {
-            self.claim(&proxy)?;
-            let records = BufReader::new(files::From { file: &self.hierarchy, at: proxy.start });
+        if let (Source::Potree(files), Some(proxy)) = (&self.source, self.proxies.remove(&name)) {
+            self.unclaimed = self.claim(&proxy, files.hierarchy_bytes)?;
+            let records = BufReader::new(files::From { file: &files.hierarchy, at: proxy.start });
             let most = MOST_NODES.saturating_sub(self.nodes.len());
             let (nodes, proxies) =
                 potree::read_chunk(&proxy, records, most).map_err(|source| self.damaged(source))?;
@@ -110,20 +143,28 @@ impl Octree {
     }
 
     /// No two chunks have the same bytes, or chunks in circles would never end.
-    fn claim(&mut self, proxy: &Proxy) -> Result<()> {
+    fn claim(&self, proxy: &Proxy, hierarchy_bytes: u64) -> Result<u64> {
         let end = proxy.start.checked_add(proxy.size);
         let left = self.unclaimed.checked_sub(proxy.size);
-        let (Some(left), true) = (left, end.is_some_and(|end| end <= self.hierarchy_bytes)) else {
+        let (Some(left), true) = (left, end.is_some_and(|end| end <= hierarchy_bytes)) else {
             let what = format!("the chunk of node {} ends behind the file, or chunks overlap", proxy.name);
             return Err(self.damaged(PotreeError::Hierarchy(what)));
         };
-        self.unclaimed = left;
-        Ok(())
+        Ok(left)
     }
 
-    /// The records of the first `take` points of a node as it is stored.
-    /// Compressed nodes are read whole, as there is no other way.
+    /// The records of the first `take` points of a node as it is stored; of a node of a
+    /// COPC file, which is in the order of the flight line, those of as many that lie
+    /// evenly among its points. Compressed nodes are read whole, as there is no other
+    /// way.
     pub fn records(&self, node: &Node, take: u32) -> Result<Vec<u8>> {
+        let files = match &self.source {
+            Source::Potree(files) => files,
+            Source::Copc(copc) => {
+                self.bytes_read.fetch_add(node.size, Ordering::Relaxed);
+                return copc.records(node, take);
+            }
+        };
         let size = match self.metadata.encoding {
             Encoding::Default => u64::from(take.min(node.points)) * self.schema.record_size() as u64,
             Encoding::Brotli => node.size,
@@ -132,13 +173,13 @@ impl Octree {
         let unpacked = unpacked_size(&self.schema, self.metadata.encoding, take.min(node.points));
         if !is_believable(&self.schema, self.metadata.encoding, node.points, node.size)
             || unpacked > MOST_UNPACKED
-            || end.is_none_or(|end| end > self.points_bytes)
-            || self
+            || end.is_none_or(|end| end > files.points_bytes)
+            || files
                 .holes
                 .iter()
                 .any(|hole| hole.start < node.offset.saturating_add(size) && node.offset < hole.end)
         {
-            let (name, points, size, bytes) = (node.name, node.points, node.size, self.points_bytes);
+            let (name, points, size, bytes) = (node.name, node.points, node.size, files.points_bytes);
             let what = format!(
                 "node {name} is said to hold {points} points in {size} bytes of the {bytes} of octree.bin, \
                  which is not believable"
@@ -146,7 +187,8 @@ impl Octree {
             return Err(self.damaged(PotreeError::Points(what)));
         }
         let mut bytes = files::zeroed(size).map_err(|source| self.damaged(source))?;
-        self.points
+        files
+            .points
             .read_exact_at(&mut bytes, node.offset)
             .map_err(|source| RenderError::Read { path: self.folder.join(potree::OCTREE), source })?;
         self.bytes_read.fetch_add(size, Ordering::Relaxed);
@@ -172,8 +214,12 @@ impl Octree {
         RenderError::Octree { folder: self.folder.clone(), source }
     }
 
-    /// Whether any prefix of a node's points is an even subsample of it.
+    /// Whether [`Octree::records`] gives an even subsample of a node, however many of its
+    /// points are taken.
     pub fn has_prefixes(&self) -> bool {
+        if matches!(self.source, Source::Copc(_)) {
+            return true;
+        }
         let ours = self.metadata.generator.as_ref().is_some_and(|made| made.name == "lodestone");
         ours && self.metadata.encoding == Encoding::Default
     }
