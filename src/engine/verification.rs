@@ -97,8 +97,13 @@ fn request(tools: &Tools, job: &Job, inputs: &[Input]) -> Request {
     let options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
     let there = !inputs.is_empty() && preflight::input_trouble(inputs).is_none();
     let against: Vec<PathBuf> = inputs.iter().filter(|_| there).map(|input| input.path.clone()).collect();
+    let folder = tools.config.octrees().join(&job.name);
+    let copc = job.result.as_ref().and_then(|report| report["copc"]["file"].as_str());
     Request {
-        octree: tools.config.octrees().join(&job.name),
+        octree: match copc {
+            Some(file) if !options.format.potree => folder.join(file),
+            _ => folder,
+        },
         against,
         damaged: options.damaged == Damaged::Keep,
         memory_limit: Lane::Light.memory(&tools.config),
