@@ -19,6 +19,9 @@
 //! second table has the seconds of each stage, and how busy the threads were.
 //! Where there are several clouds, a last one has what a point costs in each.
 //!
+//! A table of what COPC files cost comes behind, beside copc_converter's where that is
+//! found (`benches/convert/copc.rs`).
+//!
 //! Before all that, a table of what decoding and encoding LAZ chunks costs by point
 //! format, by the `laz` crate and by our own codec; `--codec` is that alone.
 //!
@@ -27,6 +30,7 @@
 //! and as much as the LAS again where the memory limit is below it.
 
 mod codec;
+mod copc;
 mod floors;
 mod tables;
 
@@ -186,6 +190,7 @@ fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) 
         }
     }
     eprint!("\r\x1b[K");
+    let inputs = [las, laz];
     let [las, laz] = [las, laz].map(|file| fs::metadata(file).map_or(0.0, |m| m.len() as f64 / 1e6));
     println!(
         "\n{title}: {points} points, LAS {las:.0} MB, LAZ {laz:.0} MB, octree {:.0} MB; {} threads, \
@@ -197,6 +202,7 @@ fn compare(wishes: &Wishes, title: &str, las: &Path, laz: &Path, folder: &Path) 
     let millions = points as f64 / 1e6;
     tables::methods(&methods, millions);
     tables::stages(&methods, wishes.threads);
+    copc::compare(wishes, title, inputs, folder)?;
     Ok(tables::cost(title, &methods, millions))
 }
 
