@@ -94,8 +94,11 @@ pub(super) struct Made {
 
 impl Made {
     pub fn of(job: &Job) -> Made {
-        let file = job.result.as_ref().and_then(|report| report["copc"]["file"].as_str());
-        let formats = job.options.get("format").cloned().map(serde_json::from_value::<Formats>);
+        let report = job.result.as_ref();
+        let file = report.and_then(|report| report["copc"]["file"].as_str());
+        // Lists have reports and no options.
+        let formats = report.and_then(|report| report["options"].get("format"));
+        let formats = formats.cloned().map(serde_json::from_value::<Formats>);
         let formats = formats.and_then(Result::ok).unwrap_or_default();
         Made { octree: formats.potree, copc: file.map(str::to_string) }
     }
