@@ -15,6 +15,7 @@ mod engine_support;
 mod attacks;
 mod conversion;
 mod copc;
+mod copc_readers;
 mod daemon;
 mod deploy;
 mod drawing;

@@ -69,7 +69,7 @@ impl Field {
     /// Says the smallest and largest stored value, where the input's description did.
     pub fn set_range(&mut self, scalar: Scalar, min: f64, max: f64) {
         let options = self.bytes[OPTIONS];
-        if self.bytes[TYPE] == 0 || !(min <= max) {
+        if self.bytes[TYPE] == 0 || min.is_nan() || max.is_nan() || min > max {
             return;
         }
         for (present, at, value) in [(HAS_MIN, MIN, min), (HAS_MAX, MAX, max)] {

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::descriptor;
 use super::file::{CELLS, SCHEMA_ID, SCHEMA_USER, Told};
 use super::hierarchy::{self, Bounds, Entry, Hierarchy};
-use super::source::{Front, Place, Source, data};
+use super::source::{ChunkTable, Front, Place, Source, data};
 use super::{ChunkDecoder, CopcCube, CopcError, Described, Layout};
 use crate::cloud::attribute::{Attribute, Scalar, Schema};
 use crate::cloud::node::NodeKey;
@@ -30,7 +30,7 @@ pub struct CopcFile {
     pub records: Vec<Place>,
     pub extended: Vec<Place>,
     /// Where the chunk table begins; points and bytes of each chunk, or why there is none.
-    pub chunk_table: (u64, Result<Vec<(u64, u64)>, String>),
+    pub chunk_table: ChunkTable,
     pub hierarchy: Hierarchy,
     version: u16,
     kind: Kind,

@@ -52,6 +52,9 @@ impl Source {
     }
 }
 
+/// Where the chunk table begins; points and bytes of each chunk, or why there is none.
+pub type ChunkTable = (u64, Result<Vec<(u64, u64)>, String>);
+
 /// The fields of the header and of COPC's own record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Front {
@@ -256,7 +259,7 @@ impl Front {
 
     /// Where the chunk table begins, and points and bytes of each chunk; or why there is
     /// none. `chunks` is how many there can be.
-    pub fn chunk_table(&self, source: &Source) -> Result<(u64, Result<Vec<(u64, u64)>, String>), CopcError> {
+    pub fn chunk_table(&self, source: &Source) -> Result<ChunkTable, CopcError> {
         let at = u64_at(&source.read(self.points_at, 8)?, 0);
         if at < self.points_at + 8 || at.checked_add(8).is_none_or(|end| end > source.bytes) {
             return Ok((at, Err(format!("its chunk table cannot be at byte {at}"))));
