@@ -5,7 +5,6 @@
 //! value they begin after, not by a count, so that jobs that come and go meanwhile
 //! move nothing.
 
-use serde::Serialize;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite};
 
@@ -137,16 +136,6 @@ pub struct Page {
     pub next: Option<Place>,
 }
 
-/// Why jobs failed: one reason, with the files' names left out, and how many.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Reason {
-    pub text: String,
-    pub jobs: i64,
-}
-
-/// Failed jobs whose reasons are counted.
-const REASONS_OF: i64 = 5000;
-
 impl Store {
     pub async fn listing(&self, listing: &Listing, place: Option<&Place>, limit: i64) -> Result<Page> {
         let backward = place.is_some_and(|place| place.backward);
@@ -197,9 +186,12 @@ impl Store {
         })
     }
 
-    /// How many jobs a listing has; where nothing is searched for, `counts` of
+    /// How many jobs a listing has, of which this is a page; where nothing is searched for, `counts` of
     /// [`Store::shown_counts`] tell.
-    pub async fn total(&self, listing: &Listing, counts: &[(Shown, i64)]) -> Result<i64> {
+    pub async fn total(&self, listing: &Listing, page: &Page, counts: &[(Shown, i64)]) -> Result<i64> {
+        if page.previous.is_none() && page.next.is_none() {
+            return Ok(page.jobs.len() as i64);
+        }
         if listing.search.is_empty() {
             let is_in = |shown: Shown| match listing.shown {
                 Some(wanted) => shown == wanted,
@@ -246,26 +238,6 @@ impl Store {
             counts.iter_mut().filter(|(shown, _)| shown.name() == name).for_each(|(_, n)| *n = jobs);
         }
         Ok(counts)
-    }
-
-    /// Why jobs failed, the most frequent reasons first; of many jobs, the latest.
-    pub async fn reasons(&self, shown: Shown, limit: i64) -> Result<Vec<Reason>> {
-        // A reason names its file; with the name left out, equal reasons are equal.
-        let rows = sqlx::query(
-            "SELECT text, count(*) AS jobs FROM (\
-               SELECT replace(replace(coalesce(error, ''), source, '…'), name, '…') AS text FROM job \
-               WHERE id IN (SELECT id FROM job INDEXED BY job_listed WHERE shown = ? ORDER BY id DESC LIMIT ?)) \
-             GROUP BY text ORDER BY jobs DESC, text LIMIT ?",
-        )
-        .bind(shown.name())
-        .bind(REASONS_OF)
-        .bind(limit)
-        .fetch_all(&self.readers)
-        .await?;
-        let reason = |row: &sqlx::sqlite::SqliteRow| {
-            Ok(Reason { text: row.try_get("text")?, jobs: row.try_get("jobs")? })
-        };
-        rows.iter().map(reason).collect()
     }
 
     /// Jobs that were done and their points, by hours since 1970, from `since` on.

@@ -18,6 +18,7 @@ mod owed;
 mod previews;
 mod purge;
 mod queue;
+mod reasons;
 mod recovery;
 mod row;
 mod share;
@@ -41,10 +42,11 @@ use sqlx::{Connection, Row, SqlSafeStr, Sqlite, Transaction};
 use crate::job::{Event, JobId, State};
 
 pub use intake::{Admission, Arrival, Kind};
-pub use listing::{Listing, Page, Place, Reason, Shown, Sort};
+pub use listing::{Listing, Page, Place, Shown, Sort};
 pub use owed::Telling;
 pub use previews::{Drawn, Due, Preview, Settled};
 pub use queue::Ending;
+pub use reasons::Reason;
 pub use recovery::Recovered;
 pub use share::Share;
 pub use steering::Mode;
@@ -125,6 +127,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (6, "suspects", include_str!("../../migrations/0006_suspects.sql")),
     (7, "page", include_str!("../../migrations/0007_page.sql")),
     (8, "verify_share", include_str!("../../migrations/0008_verify_share.sql")),
+    (9, "names", include_str!("../../migrations/0009_names.sql")),
 ];
 
 /// Lines of a job's history, and attempts: a job that is tried for a year must

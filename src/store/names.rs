@@ -32,9 +32,9 @@ pub(super) async fn is_free_to_use(
 ) -> Result<bool> {
     let Some(seal) = seal(&octrees.join(name)) else { return Ok(true) };
     let row = sqlx::query(concat!(
-        "SELECT EXISTS (SELECT 1 FROM job WHERE name = ?1 AND (octree = ?2 OR (octree IS NULL AND ?2 <> '' \
+        "SELECT EXISTS (SELECT 1 FROM job WHERE lower(name) = lower(?1) AND name = ?1 AND (octree = ?2 OR (octree IS NULL AND ?2 <> '' \
          AND state = 'done' AND superseded_by IS NULL))) \
-         AND NOT EXISTS (SELECT 1 FROM job WHERE name = ?1 AND id IS NOT ?3 AND superseded_by IS NULL \
+         AND NOT EXISTS (SELECT 1 FROM job WHERE lower(name) = lower(?1) AND name = ?1 AND id IS NOT ?3 AND superseded_by IS NULL \
          AND (octree = ?2 OR octree IS NULL) AND ",
         put_away!(),
         ") AS free"

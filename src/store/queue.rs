@@ -374,11 +374,12 @@ pub(super) async fn end_attempt(
 /// back, it must be converted anew.
 async fn supersede(tx: &mut Tx, job: &Job) -> Result<()> {
     sqlx::query(
-        "UPDATE job SET superseded_by = ? WHERE name = ? AND id <> ? AND state = 'done' AND superseded_by IS NULL",
+        // By the index of names, which knows no case.
+        "UPDATE job SET superseded_by = ?1 WHERE lower(name) = lower(?2) AND name = ?2 AND id <> ?1 \
+         AND state = 'done' AND superseded_by IS NULL",
     )
     .bind(job.id)
     .bind(&job.name)
-    .bind(job.id)
     .execute(&mut **tx)
     .await?;
     sharing::look_again_after_superseding(tx, job.id).await?;

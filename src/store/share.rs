@@ -5,9 +5,10 @@
 use std::io::Read;
 
 use serde::Serialize;
-use sqlx::Row;
+use sqlx::{Row, Sqlite, Transaction};
 
-use super::{Result, Store, StoreError};
+use super::{Result, Store, StoreError, must_stand};
+use crate::job::{Job, JobId};
 
 const KEY: &str = "share-key";
 /// Hex digits of a signature: 160 bits.
@@ -28,6 +29,22 @@ pub struct Share {
 fn signature(key: &[u8; 32], id: i64, name: &str) -> String {
     let text = format!("share {id} {name}");
     blake3::keyed_hash(key, text.as_bytes()).to_hex()[..SIGNATURE].to_string()
+}
+
+/// Makes a link to the octree of this name.
+async fn insert(
+    tx: &mut Transaction<'static, Sqlite>,
+    key: &[u8; 32],
+    name: String,
+    now: i64,
+) -> Result<Share> {
+    let row = sqlx::query("INSERT INTO share (name, created_at) VALUES (?, ?) RETURNING id")
+        .bind(&name)
+        .bind(now)
+        .fetch_one(&mut **tx)
+        .await?;
+    let id = row.try_get("id")?;
+    Ok(Share { id, token: format!("{id}-{}", signature(key, id, &name)), name, created_at: now })
 }
 
 impl Store {
@@ -52,21 +69,20 @@ impl Store {
         Ok(kept.and_then(|text| blake3::Hash::from_hex(text).ok()).map_or(key, |hash| *hash.as_bytes()))
     }
 
-    /// Makes a link to the octree of this name.
-    pub async fn share(&self, name: &str, now: i64) -> Result<Share> {
+    /// Makes a link to a job's octree, which must stand.
+    pub async fn share_of(&self, job: JobId, now: i64) -> Result<Share> {
+        // There is one writer: its key is made before its transaction begins.
         let key = self.share_key().await?;
-        let row = sqlx::query("INSERT INTO share (name, created_at) VALUES (?, ?) RETURNING id")
-            .bind(name)
-            .bind(now)
-            .fetch_one(&self.writer)
-            .await?;
-        let id = row.try_get("id")?;
-        Ok(Share {
-            id,
-            name: name.to_string(),
-            token: format!("{id}-{}", signature(&key, id, name)),
-            created_at: now,
-        })
+        let mut tx = self.begin().await?;
+        must_stand(&mut tx, job, "share").await?;
+        let name: String = sqlx::query("SELECT name FROM job WHERE id = ?")
+            .bind(job)
+            .fetch_one(&mut *tx)
+            .await?
+            .try_get("name")?;
+        let share = insert(&mut tx, &key, name, now).await?;
+        tx.commit().await?;
+        Ok(share)
     }
 
     /// Takes a link back; tells whether it held.
@@ -118,9 +134,10 @@ impl Store {
     }
 
     /// The youngest job whose octree stands under this name.
-    pub async fn standing(&self, name: &str) -> Result<Option<crate::job::Job>> {
+    pub async fn standing(&self, name: &str) -> Result<Option<Job>> {
         let found = sqlx::query(
-            "SELECT * FROM job WHERE id = (SELECT max(id) FROM job INDEXED BY job_listed WHERE shown = 'done' AND name = ?)",
+            "SELECT * FROM job WHERE id = (SELECT max(id) FROM job INDEXED BY job_by_name \
+             WHERE lower(name) = lower(?1) AND name = ?1 AND shown = 'done')",
         )
         .bind(name)
         .fetch_optional(&self.readers)
@@ -138,7 +155,11 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("q.db");
         let store = Store::open(&path).await.expect("opened");
-        let (a, b) = (store.share("größe", 1).await.expect("a"), store.share("b", 2).await.expect("b"));
+        let key = store.share_key().await.expect("a key");
+        let mut tx = store.begin().await.expect("begun");
+        let a = insert(&mut tx, &key, "größe".to_string(), 1).await.expect("a");
+        let b = insert(&mut tx, &key, "b".to_string(), 2).await.expect("b");
+        tx.commit().await.expect("kept");
         let opens = |token: String| {
             let store = &store;
             async move { store.shared(&token).await.expect("asked") }

@@ -77,10 +77,6 @@ pub(super) struct JobView {
     /// Where its COPC file is served, where one was made.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub copc: Option<String>,
-    /// Where it is served read-only without a token, for viewers on other pages;
-    /// where a token is needed at all.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shared: Option<String>,
     /// How far its pictures are, and where they are served.
     pub preview: Option<PreviewView>,
 }
@@ -124,13 +120,12 @@ fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
     let octree = (published && made.octree).then(|| format!("{folder}/metadata.json"));
     let copc = made.copc.as_ref().filter(|_| published);
     let copc = copc.map(|file| format!("{folder}/{}", octrees::encoded_part(file)));
-    let share = if published { octrees::shared_url(access, &job.name, &made) } else { None };
     // Where nobody makes any, none are awaited.
     let preview = preview
         .filter(|preview| published && (shared.config.preview || preview.state != Drawn::Queued))
         .map(|preview| PreviewView::new(preview, &folder));
     let facts = Facts::of(&job, shared.clock.now());
-    JobView { job, facts, stage, progress, octree, copc, shared: share, preview }
+    JobView { job, facts, stage, progress, octree, copc, preview }
 }
 
 #[derive(Deserialize)]

@@ -11,7 +11,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Redirect, Response};
 
 use super::api::Refusal;
-use super::session::{Identity, Role};
+use super::session::Identity;
 use super::{Shared, octrees, pages};
 use crate::config::Config;
 use crate::config::access::{host_of, is_loopback};
@@ -43,19 +43,14 @@ pub(super) async fn site(Extract(shared): Extract<Shared>, mut request: Request,
 /// Lets in who may read, or, where something changes, operate; and notes the role
 /// among the request's extensions.
 pub(super) async fn guard(Extract(shared): Extract<Shared>, mut request: Request, next: Next) -> Response {
-    let Some(role) = role(&shared, &request) else { return unknown(&shared, &request) };
+    let identity = request.extensions().get::<Identity>().copied().unwrap_or(Identity::Nobody);
+    let Some(role) = identity.role() else { return unknown(&shared, &request) };
     if !is_safe(request.method()) && !role.may_operate() {
         let text = "the read token allows to look, not to give orders";
         return Refusal::new(StatusCode::FORBIDDEN, text).into_response();
     }
     request.extensions_mut().insert(role);
     next.run(request).await
-}
-
-fn role(shared: &Shared, request: &Request) -> Option<Role> {
-    let identity = request.extensions().get::<Identity>().copied().unwrap_or(Identity::Nobody);
-    let by_address = || octrees::is_shared(request.uri().path(), &shared.config.access);
-    identity.role().or_else(|| by_address().then_some(Role::Reader))
 }
 
 /// For what a page of somebody else must not even read in the background, as

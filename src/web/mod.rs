@@ -31,7 +31,7 @@ use axum::Router;
 use axum::extract::Request;
 use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
-use axum::routing::{get, post};
+use axum::routing::{delete, get, post};
 use serde::Serialize;
 use tokio::sync::{Notify, Semaphore};
 use tokio_util::sync::CancellationToken;
@@ -160,6 +160,8 @@ fn routes(shared: Shared) -> Router {
         .route("/api/jobs/{id}/preview", post(api::preview))
         .route("/api/jobs/{id}/verify", get(steering::verified).post(steering::verify))
         .route("/api/jobs/{id}/log", get(steering::log))
+        .route("/api/jobs/{id}/links", get(steering::links).post(steering::link))
+        .route("/api/jobs/{id}/links/{link}", delete(steering::revoke))
         .route("/api/queue", get(steering::queue).post(steering::set_queue))
         .route("/api/watch", get(api::watch))
         .route("/api/openapi.json", get(steering::openapi))

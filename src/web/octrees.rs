@@ -1,9 +1,7 @@
 //! `/octrees/…`: the published octrees, read-only, with Range and CORS, as
 //! viewers on other pages need them. Nothing outside of the folder, nothing whose
-//! name begins with a dot, and no folder listings. Where a token is needed, each has
-//! an address with a key of its own too, `/shared/<key>/<octree>/…`: Potree cannot
-//! send a header, and finds an octree's other files by a path beside the metadata,
-//! so that no query would reach them.
+//! name begins with a dot, and no folder listings. Where a token is needed, a viewer
+//! that cannot send one is given a link to one octree, see `pages::share`.
 
 use std::time::Duration;
 
@@ -14,8 +12,7 @@ use axum::response::Response;
 use axum::routing::get;
 use tower_http::cors::{Any, CorsLayer};
 
-use super::{Shared, files, previews, session};
-use crate::config::access::Access;
+use super::{Shared, files, previews};
 use crate::job::Job;
 use crate::stage::formats::Formats;
 
@@ -24,39 +21,25 @@ use crate::stage::formats::Formats;
 const ASK_AGAIN: HeaderValue = HeaderValue::from_static("no-cache");
 const ASK_AGAIN_ALONE: HeaderValue = HeaderValue::from_static("private, no-cache");
 
-/// Octrees under their names, and each under a read-only address of its own.
 pub(super) fn router() -> Router<Shared> {
-    Router::new().route("/octrees/{*path}", get(by_name)).route("/shared/{key}/{*path}", get(by_key))
+    Router::new().route("/octrees/{*path}", get(serve))
 }
 
-async fn by_name(
+async fn serve(
     Extract(shared): Extract<Shared>,
     Path(path): Path<String>,
     RawQuery(query): RawQuery,
     asked: HeaderMap,
 ) -> Response {
-    serve(&shared, &path, query.as_deref(), &asked).await
-}
-
-async fn by_key(
-    Extract(shared): Extract<Shared>,
-    Path((_, path)): Path<(String, String)>,
-    RawQuery(query): RawQuery,
-    asked: HeaderMap,
-) -> Response {
-    serve(&shared, &path, query.as_deref(), &asked).await
-}
-
-async fn serve(shared: &Shared, path: &str, query: Option<&str>, asked: &HeaderMap) -> Response {
-    let Some(file) = files::below(&shared.config.octrees(), path) else { return files::missing() };
-    let cache = if previews::is_of_pictures(path) {
-        previews::cache(query)
+    let Some(file) = files::below(&shared.config.octrees(), &path) else { return files::missing() };
+    let cache = if previews::is_of_pictures(&path) {
+        previews::cache(query.as_deref())
     } else if shared.config.access.token.is_some() {
         ASK_AGAIN_ALONE
     } else {
         ASK_AGAIN
     };
-    files::answer(&file, asked, cache).await
+    files::answer(&file, &asked, cache).await
 }
 
 /// What viewers on other pages need; around the guard, so that they can read why
@@ -103,29 +86,13 @@ impl Made {
         Made { octree: formats.potree, copc: file.map(str::to_string) }
     }
 
-    /// The file that a viewer is told of.
-    fn entry(&self) -> &str {
+    /// The file that a viewer is told of, as a part of an address.
+    pub fn entry(&self) -> String {
         match &self.copc {
-            Some(file) if !self.octree => file,
-            _ => "metadata.json",
+            Some(file) if !self.octree => encoded_part(file),
+            _ => "metadata.json".to_string(),
         }
     }
-}
-
-/// The read-only address of what a job made, where a token is needed at all.
-pub(super) fn shared_url(access: &Access, name: &str, made: &Made) -> Option<String> {
-    let key = session::share_key(name, access)?;
-    let entry = encoded_part(made.entry());
-    Some(format!("{}/shared/{key}/{}/{entry}", access.base(), encoded_part(name)))
-}
-
-/// Whether a path lies under the read-only address of an octree.
-pub(super) fn is_shared(path: &str, access: &Access) -> bool {
-    let Some((key, rest)) = path.strip_prefix("/shared/").and_then(|rest| rest.split_once('/')) else {
-        return false;
-    };
-    let name = rest.split('/').next().unwrap_or("");
-    decoded(name).is_some_and(|name| session::opens(key, &name, access))
 }
 
 /// Where an octree's files are served; `base` is in front of every path of ours.
@@ -152,22 +119,6 @@ pub(super) fn encoded(path: &str) -> String {
     text
 }
 
-/// A part of a path as the name that it stands for.
-fn decoded(part: &str) -> Option<String> {
-    let mut bytes = Vec::with_capacity(part.len());
-    let mut rest = part.bytes();
-    while let Some(byte) = rest.next() {
-        if byte != b'%' {
-            bytes.push(byte);
-            continue;
-        }
-        let digit = |byte: Option<u8>| byte.and_then(|byte| (byte as char).to_digit(16));
-        let (high, low) = (digit(rest.next())?, digit(rest.next())?);
-        bytes.push((high * 16 + low) as u8);
-    }
-    String::from_utf8(bytes).ok()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -178,34 +129,15 @@ mod tests {
         assert_eq!(folder("/base", "a/../b?#"), "/base/octrees/a%2F..%2Fb%3F%23");
     }
 
-    const OCTREE: Made = Made { octree: true, copc: None };
-
     #[test]
-    fn a_copc_file_has_a_read_only_address_where_it_is_alone() {
-        let access = Access { token: Some("a great secret".to_string()), ..Access::default() };
-        let copc = |octree| Made { octree, copc: Some("a b.copc.laz".to_string()) };
-        let url = |made: &Made| shared_url(&access, "a b", made).expect("an address");
-        assert!(url(&copc(false)).ends_with("/a%20b/a%20b.copc.laz"), "{}", url(&copc(false)));
-        assert!(url(&copc(true)).ends_with("/a%20b/metadata.json"));
-        assert!(is_shared(&url(&copc(false)), &access));
-    }
-
-    #[test]
-    fn read_only_addresses_open_their_octree_alone() {
-        let access = Access { token: Some("a great secret".to_string()), ..Access::default() };
-        let url = shared_url(&access, "größe 1", &OCTREE).expect("an address");
-        assert!(is_shared(&url, &access), "{url}");
-        assert!(is_shared(&url.replace("metadata.json", "octree.bin"), &access));
-        for other in [
-            url.replace("gr%C3", "or%C3"),
-            url.replace("/shared/", "/shared/0"),
-            url.replace("/shared/", "/octrees/"),
-            "/shared/".to_string(),
-            "/shared/x".to_string(),
-            "/shared/x/%zz/metadata.json".to_string(),
+    fn viewers_are_told_of_the_octree_before_copc() {
+        let copc = Some("a b.copc.laz".to_string());
+        for (octree, copc, entry) in [
+            (true, None, "metadata.json"),
+            (true, copc.clone(), "metadata.json"),
+            (false, copc, "a%20b.copc.laz"),
         ] {
-            assert!(!is_shared(&other, &access), "{other}");
+            assert_eq!(Made { octree, copc }.entry(), entry);
         }
-        assert_eq!(shared_url(&Access::default(), "a", &OCTREE), None);
     }
 }

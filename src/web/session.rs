@@ -9,9 +9,8 @@ use crate::config::access::Access;
 const COOKIE: &str = "lodestone";
 /// How long a browser stays logged in, in seconds.
 const LASTS: i64 = 30 * 86_400;
-/// Separates these keys from everything else that may be derived from a token.
+/// Separates this key from everything else that may be derived from a token.
 const COOKIE_KEY: &str = "lodestone 2026-11 cookie of a browser session";
-const SHARE_KEY: &str = "lodestone 2026-11 read-only address of an octree";
 
 /// What a request may do. Handlers find it among the request's extensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,21 +129,6 @@ fn set_cookie(value: &str, seconds: i64, access: &Access) -> String {
     format!("{COOKIE}={value}; Path={base}/; Max-Age={seconds}; HttpOnly; SameSite=Strict{secure}")
 }
 
-/// The key in the read-only address of an octree, for viewers on other pages; it
-/// opens this octree alone, until the token changes. None where none is needed.
-pub(super) fn share_key(octree: &str, access: &Access) -> Option<String> {
-    let token = access.read_token.as_ref().or(access.token.as_ref())?;
-    let hash = keyed(SHARE_KEY, token, octree.as_bytes());
-    Some(hash.to_hex().as_str()[..32].to_string())
-}
-
-/// Whether this is the key to that octree.
-pub(super) fn opens(key: &str, octree: &str, access: &Access) -> bool {
-    // As hashes, for the time.
-    share_key(octree, access)
-        .is_some_and(|right| blake3::hash(right.as_bytes()) == blake3::hash(key.as_bytes()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -234,15 +218,5 @@ mod tests {
         let set = log_in("the operator", &public("http://a.example"), NOW);
         assert!(set.contains("; Path=/;") && !set.contains("Secure"), "{set}");
         assert!(log_out(&access()).contains("lodestone=; Path=/; Max-Age=0"));
-    }
-
-    #[test]
-    fn a_key_opens_its_octree_alone() {
-        let key = share_key("a", &access()).expect("a key");
-        assert!(opens(&key, "a", &access()));
-        assert!(!opens(&key, "b", &access()) && !opens("", "a", &access()));
-        let changed = Access { read_token: Some("another secret".to_string()), ..access() };
-        assert!(!opens(&key, "a", &changed));
-        assert_eq!(share_key("a", &Access::default()), None);
     }
 }

@@ -1,17 +1,17 @@
-//! `/api/queue`, and what the API tells of verifications and logs.
+//! `/api/queue`, links to octrees, and what the API tells of verifications and logs.
 
 use axum::Json;
 use axum::extract::{Path, State as Extract};
 use axum::http::StatusCode;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::Shared;
+use super::{Shared, pages};
 use super::api::Refusal;
-use crate::job::JobId;
-use crate::store::Mode;
+use crate::job::{Job, JobId};
+use crate::store::{Mode, Share};
 
 /// The description of the API; a test holds it to the routes.
 pub(super) async fn openapi() -> Response {
@@ -69,6 +69,59 @@ pub(super) async fn log(
     Ok(Json(json!({ "lines": shared.store.lines(id).await? })).into_response())
 }
 
+/// A link to an octree as the API tells it.
+#[derive(Serialize)]
+struct LinkView {
+    id: i64,
+    /// A page with its picture, for people.
+    page: String,
+    /// What viewers are given, on other pages too: metadata.json, or the COPC file where
+    /// that alone was made.
+    file: String,
+    created_at: i64,
+}
+
+fn link_view(shared: &Shared, share: &Share, job: &Job) -> LinkView {
+    let [page, file] = pages::share::addresses(shared.config.access.base(), share, job);
+    LinkView { id: share.id, page, file, created_at: share.created_at }
+}
+
+/// The links to a job's octree that hold.
+pub(super) async fn links(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    let job = shared.store.job(id).await?;
+    let shares = shared.store.shares(&job.name).await?;
+    let links: Vec<LinkView> = shares.iter().map(|share| link_view(&shared, share, &job)).collect();
+    Ok(Json(json!({ "links": links })).into_response())
+}
+
+/// A new one.
+pub(super) async fn link(
+    Extract(shared): Extract<Shared>,
+    Path(id): Path<JobId>,
+) -> Result<Response, Refusal> {
+    let share = shared.store.share_of(id, shared.clock.now()).await?;
+    let job = shared.store.job(id).await?;
+    Ok((StatusCode::CREATED, Json(link_view(&shared, &share, &job))).into_response())
+}
+
+/// Takes one back.
+pub(super) async fn revoke(
+    Extract(shared): Extract<Shared>,
+    Path((id, link)): Path<(JobId, i64)>,
+) -> Result<Response, Refusal> {
+    let name = shared.store.job(id).await?.name;
+    if shared.store.revoke_share(link, &name, shared.clock.now()).await? {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    Err(Refusal::new(
+        StatusCode::NOT_FOUND,
+        format!("there is no link {link} to the octree of job {id} that still holds"),
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -88,7 +141,7 @@ mod tests {
             });
             let handlers = &rest[..end.expect("an end")];
             let told = path.starts_with("/api/") || ["/metrics", "/healthz", "/readyz"].contains(&path);
-            for method in ["get", "post"].into_iter().filter(|_| told) {
+            for method in ["get", "post", "delete"].into_iter().filter(|_| told) {
                 if handlers.contains(&format!("{method}(")) {
                     routes.insert((path.to_string(), method.to_string()));
                 }

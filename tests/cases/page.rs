@@ -4,7 +4,10 @@
 //! do; what runs is the machine's Chromium. Left out where Chromium or npm is
 //! missing, unless LODESTONE_REQUIRE_CHROMIUM is 1.
 
+mod cost;
 mod links;
+mod looks;
+mod orders;
 mod rows;
 mod uploads;
 
@@ -16,7 +19,16 @@ use std::sync::LazyLock;
 use crate::daemon_support::{Daemon, ask, las, wait_for};
 
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-const SCRIPTS: [&str; 5] = ["package.json", "browser.mjs", "steer.mjs", "many.mjs", "login.mjs"];
+const SCRIPTS: [&str; 8] = [
+    "package.json",
+    "browser.mjs",
+    "steer.mjs",
+    "many.mjs",
+    "login.mjs",
+    "looks.mjs",
+    "drop.mjs",
+    "prefix.mjs",
+];
 
 /// A folder with the scripts and their packages, and the browser, where there are
 /// both.

@@ -3,7 +3,7 @@
 mod access;
 mod caching;
 mod connections;
-mod elsewhere;
+pub mod elsewhere;
 mod shipped;
 
 /// A header of an answer's head; empty where it is not there.

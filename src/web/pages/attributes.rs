@@ -48,6 +48,20 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<(String, u64)>) {
     }
 }
 
+/// Whether this is the one attribute that viewers take for another type than it has:
+/// angles to the left of the track are negative, and stored as bytes without a sign.
+fn is_signed(attribute: &Value) -> bool {
+    attribute["name"] == "scan angle rank" && attribute["type"] == "uint8"
+}
+
+/// The lowest and the highest values.
+fn range(attribute: &Value) -> [Vec<f64>; 2] {
+    match counts(attribute).filter(|_| is_signed(attribute)) {
+        Some((first, counts)) => [vec![first as f64], vec![(first + counts.len() as i64 - 1) as f64]],
+        None => ["min", "max"].map(|key| numbers(&attribute[key])),
+    }
+}
+
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
 }
@@ -61,15 +75,19 @@ fn shown(values: &[f64]) -> String {
 }
 
 /// From the first to the last value that there is, with what they count.
-fn counts(attribute: &Value) -> Option<(usize, Vec<u64>)> {
-    let all: Vec<u64> = attribute["histogram"].as_array()?.iter().filter_map(Value::as_u64).collect();
+fn counts(attribute: &Value) -> Option<(i64, Vec<u64>)> {
+    let mut all: Vec<u64> = attribute["histogram"].as_array()?.iter().filter_map(Value::as_u64).collect();
+    let lowest = if is_signed(attribute) && all.len() == 256 { -128 } else { 0 };
+    if lowest < 0 {
+        all.rotate_right(128);
+    }
     let first = all.iter().position(|count| *count > 0)?;
     let last = all.iter().rposition(|count| *count > 0)?;
-    Some((first, all[first..=last].to_vec()))
+    Some((lowest + first as i64, all[first..=last].to_vec()))
 }
 
 /// The names of ASPRS, for the classes that most clouds have.
-fn class(code: usize) -> Option<&'static str> {
+fn class(code: i64) -> Option<&'static str> {
     const NAMES: [&str; 19] = [
         "never classified",
         "unclassified",
@@ -91,7 +109,7 @@ fn class(code: usize) -> Option<&'static str> {
         "bridge deck",
         "high noise",
     ];
-    NAMES.get(code).copied()
+    NAMES.get(usize::try_from(code).ok()?).copied()
 }
 
 pub(super) fn table(on_disk: &OnDisk) -> Markup {
@@ -122,15 +140,18 @@ fn row(attribute: &Value) -> Markup {
         tr {
             td { (name) @if let Some(text) = attribute["description"].as_str().filter(|text| !text.is_empty()) { div.dim { (text) } } }
             td { (attribute["type"].as_str().unwrap_or("—")) @if elements > 1 { " × " (elements) } }
-            td { (shown(&numbers(&attribute["min"]))) }
-            td { (shown(&numbers(&attribute["max"]))) }
+            @let [low, high] = range(attribute);
+            td { (shown(&low)) }
+            td { (shown(&high)) }
             td {
                 @if let Some((first, counts)) = counts(attribute) {
-                    (charts::histogram(&counts, &format!("How often each value of {name} occurs")))
+                    @if counts.len() == 1 { span.dim { "in all points" } }
+                    @else {
+                    (charts::histogram(&counts, &format!("How often each value of {name} occurs"))) }
                     @if name == "classification" {
                         div.dim {
-                            @for (at, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0).take(8) {
-                                div { (first + at) " " (class(first + at).unwrap_or("")) ": " (words::points(*count)) }
+                            @for (code, count) in (first..).zip(&counts).filter(|(_, count)| **count > 0).take(8) {
+                                div { (code) " " (class(code).unwrap_or("")) ": " (words::points(*count)) }
                             }
                         }
                     }
@@ -140,14 +161,19 @@ fn row(attribute: &Value) -> Markup {
     }
 }
 
-/// What viewers are to be given.
+/// What viewers are to be given: the addresses of an octree and of a COPC file.
 pub(super) fn addresses(octree: Option<&str>, copc: Option<&str>) -> Markup {
     html! {
-        @if let Some(url) = octree {
-            p { "For Potree and viewers that read its format: " (parts::copyable(url, Some(url))) }
-        }
-        @if let Some(url) = copc {
-            p { "As COPC, for QGIS, PDAL and most others: " (parts::copyable(url, Some(url))) }
+        dl.facts {
+            @if let Some(url) = octree { dt { "For Potree" } dd { (parts::copyable(url, Some(url))) } }
+            @if let Some(url) = copc {
+                dt { "For QGIS" }
+                dd {
+                    (parts::copyable(url, Some(url)))
+                    div.dim { "Layer ▸ Add Layer ▸ Add Point Cloud Layer ▸ Protocol: HTTP(S)" }
+                }
+                dt { "For PDAL" } dd { (parts::copyable(&format!("pdal info --summary {url}"), Some(url))) }
+            }
         }
     }
 }
@@ -158,7 +184,7 @@ pub(super) fn files(on_disk: &OnDisk, view: &JobView, folder: &str) -> Markup {
         section.card #files aria-labelledby="files-title" {
             h2 #files-title { "Files" }
             (addresses(view.octree.as_deref(), view.copc.as_deref()))
-            table {
+            table.files {
                 thead { tr { th scope="col" { "File" } th.num scope="col" { "Size" } th scope="col" { span.visually-hidden { "Link" } } } }
                 tbody {
                     @for (name, bytes) in &on_disk.files {
@@ -166,7 +192,7 @@ pub(super) fn files(on_disk: &OnDisk, view: &JobView, folder: &str) -> Markup {
                         tr {
                             td { a href=(url) { (name) } }
                             td.num { (words::bytes(*bytes)) }
-                            td { button.copy.quiet type="button" hidden data-copy=(url) data-copy-url=(url) aria-label={ "Copy link to " (name) } { "Copy link" } }
+                            td { button.copy.quiet type="button" data-copy=(url) data-copy-url=(url) aria-label={ "Copy link to " (name) } { "Copy link" } }
                         }
                     }
                 }

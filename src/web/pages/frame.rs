@@ -8,7 +8,8 @@ use axum::response::{IntoResponse, Response};
 use maud::{DOCTYPE, Markup, html};
 
 use super::super::Shared;
-use super::assets;
+use super::super::session::Role;
+use super::{assets, parts};
 
 /// The path under which all is served, as behind a proxy; empty, or without a
 /// slash at its end.
@@ -16,25 +17,26 @@ pub(super) fn base(shared: &Shared) -> &str {
     shared.config.access.base()
 }
 
-/// A whole page around `main`.
-pub(super) fn page(shared: &Shared, title: &str, main: Markup) -> Response {
+/// A whole page around `main`. Whoever may only read is shown no order: all of them
+/// are forms that are sent by POST, which the stylesheet hides.
+pub(super) fn page(shared: &Shared, role: Role, title: &str, main: Markup) -> Response {
     let base = base(shared);
     let body = html! {
         (head(base, title))
-        body data-base=(base) {
+        body.reader[!role.may_operate()] data-base=(base) data-now=(shared.clock.now()) {
             a.skip href="#main" { "Skip to the content" }
             header.top {
                 a.brand href={ (base) "/" } {
                     img src=(assets::url(base, "icon.svg")) alt="" width="28" height="28";
                     "Lodestone"
                 }
-                span #daemon.daemon role="status" { "" }
+                @if !role.may_operate() { span.badge { "read only" } }
                 nav aria-label="Site" {
                     a href={ (base) "/" } { "Jobs" }
                     a href={ (base) "/api/openapi.json" } { "API" }
                     button #notify.quiet type="button" hidden aria-pressed="false" { "Notify me" }
                     @if shared.config.access.token.is_some() {
-                        form method="post" action={ (base) "/logout" } {
+                        form.stays method="post" action={ (base) "/logout" } {
                             button.quiet { "Log out" }
                         }
                     }
@@ -128,7 +130,7 @@ pub(super) async fn explain(Extract(shared): Extract<Shared>, request: Request, 
         html! {
             div.card.login {
                 h1 { (title) }
-                p { (text) }
+                p { (parts::text(&text)) }
                 p { a.button href={ (base) "/" } { "All jobs" } }
             }
         },

@@ -1,6 +1,6 @@
 //! `/jobs/{id}`: all that is known of one job, by a link that lasts.
 
-use axum::extract::{Path, Query, State as Extract};
+use axum::extract::{Extension, Path, Query, State as Extract};
 use axum::response::Response;
 use maud::{Markup, html};
 use serde::Deserialize;
@@ -8,6 +8,7 @@ use serde::Deserialize;
 use super::super::Shared;
 use super::super::api::{self, JobView, Refusal};
 use super::super::octrees;
+use super::super::session::Role;
 use super::{attributes, frame, parts, result, share, verified, words};
 use crate::clock::Millis;
 use crate::job::machine::next;
@@ -15,6 +16,7 @@ use crate::job::time::iso8601;
 use crate::job::{Event, Input, State};
 use crate::log::Line;
 use crate::store::{Attempt, Drawn, History};
+use crate::words::Lines;
 
 /// Inputs that are listed.
 const INPUTS: usize = 200;
@@ -27,6 +29,7 @@ pub(super) struct Asked {
 
 pub(super) async fn page(
     Extract(shared): Extract<Shared>,
+    Extension(role): Extension<Role>,
     Path(id): Path<i64>,
     Query(asked): Query<Asked>,
 ) -> Result<Response, Refusal> {
@@ -46,37 +49,40 @@ pub(super) async fn page(
     let main = html! {
         p.crumbs { a href={ (base) "/" } { "‹ All jobs" } }
         div.title {
-            h1 { (name) }
+            h1 { bdi { (name) } }
             (parts::badge(&view))
         }
         (frame::said(asked.said.as_deref(), None))
-        (state(&view, now))
+        (state(base, &view, now))
         (pictures(&view))
         (orders(base, &view))
         @if let Some(verification) = &verification { (verified::section(verification, now)) }
         @if let Some(report) = view.job.result.as_ref().filter(|_| view.job.state == State::Done) {
             (result::all(report))
         }
-        @if let Some(on_disk) = &on_disk {
-            (attributes::table(on_disk))
-            (attributes::files(on_disk, &view, &octrees::folder(base, &view.job.name)))
-            (share::section(base, &view.job, &shares, now))
+        @if let Some(on_disk) = &on_disk { (attributes::table(on_disk)) }
+        div.cards {
+            div {
+                @if let Some(on_disk) = &on_disk {
+                    (attributes::files(on_disk, &view, &octrees::folder(base, &view.job.name)))
+                    (share::section(base, &view, &shares, now))
+                }
+            }
+            div { (sources(&view, &inputs, now)) (story(&attempts, &history, now)) }
         }
-        (sources(&view, &inputs, now))
-        (story(&attempts, &history, now))
         (log(&lines))
     };
-    Ok(frame::page(&shared, &format!("{name} · Lodestone"), main))
+    Ok(frame::page(&shared, role, &format!("{name} · Lodestone"), main))
 }
 
 /// Where it is and what comes next, in a sentence.
-fn state(view: &JobView, now: Millis) -> Markup {
+fn state(base: &str, view: &JobView, now: Millis) -> Markup {
     let job = &view.job;
     let took = job.started_at.zip(job.finished_at).map(|(start, end)| words::duration(end - start));
     let sentence = match job.state {
         State::Queued if job.not_before > now => "It is tried again by itself, after a pause.".to_string(),
-        State::Queued => "It waits for its turn.".to_string(),
-        State::Running => "It is being converted.".to_string(),
+        State::Queued => "It waits for its turn and starts by itself.".to_string(),
+        State::Running => "It is being converted. The page follows it; there is nothing to do.".to_string(),
         State::Paused => "It is paused; resume it, and it goes on from there.".to_string(),
         State::Done if job.superseded_by.is_some() => "Its octree was replaced by a newer one.".to_string(),
         State::Done => format!("Done{}.", took.map(|took| format!(" in {took}")).unwrap_or_default()),
@@ -88,17 +94,22 @@ fn state(view: &JobView, now: Millis) -> Markup {
                                somebody tries it again."
                 .to_string()
         }
-        State::Cancelled => "It was called off.".to_string(),
+        State::Cancelled => {
+            "It was called off. Try it again whenever you like; its files are where they were.".to_string()
+        }
     };
     html! {
         section.state-box #state aria-label="State" {
             p { (sentence) }
             @if let Some(reading) = &view.progress { (parts::progress(job.id, reading)) }
             @if let Some(note) = parts::note(view, now) {
-                p class=(if job.state.is_open() { "banner warn" } else { "banner bad" }) { (note) }
+                p class=(if job.state.is_open() || job.state == State::Done { "banner warn" } else { "banner bad" }) {
+                    (parts::text(&note))
+                    @if let Some(by) = job.superseded_by { " " a href={ (base) "/jobs/" (by) } { "Go to job " (by) } }
+                }
             }
             dl.figures {
-                div { dt { "points" } dd title=(words::grouped(job.points)) { (words::points(job.points)) } }
+                div { dt { "points" } dd { (parts::points(view)) } }
                 div { dt { "files" } dd { (words::bytes(job.bytes)) } }
                 div { dt { "came in" } dd { (parts::time(job.created_at, now)) } }
                 @if let Some(at) = job.started_at { div { dt { "begun" } dd { (parts::time(at, now)) } } }
@@ -145,17 +156,17 @@ fn pictures(view: &JobView) -> Markup {
                     p.banner.warn {
                         @if preview.assets.is_empty() { "Its pictures are still to come." }
                         @else { "New pictures are still to come; these are from before." }
-                        @if let Some(error) = &preview.error { " The last try: " (error) }
+                        @if let Some(error) = &preview.error { " The last try: " (parts::text(error)) }
                     }
                 }
                 Drawn::Failed => {
                     p.banner.bad {
-                        "Its pictures could not be made: " (preview.error.as_deref().unwrap_or("no reason was told"))
-                        ". The octree is whole all the same."
+                        "Its pictures could not be made: " (parts::text(preview.error.as_deref().unwrap_or("no reason was told")))
+                        ". The octree is whole all the same; have new pictures made to try again."
                     }
                 }
                 Drawn::Nothing => {
-                    p.dim { "No pictures: " (preview.error.as_deref().unwrap_or("there is nothing to show")) }
+                    p.dim { "No pictures: " (parts::text(preview.error.as_deref().unwrap_or("there is nothing to show"))) }
                 }
                 Drawn::Done => {}
             }
@@ -174,11 +185,14 @@ fn orders(base: &str, view: &JobView) -> Markup {
     let plain = |order: &str, text: &str| {
         html! { form method="post" action=(to) { button name="order" value=(order) { (text) } } }
     };
+    let again = html! {
+        form method="post" action=(to) { button.primary name="order" value="retry" { "Try again" } }
+    };
     let asked = |order: &str, text: &str, warning: &str, yes: &str| {
         html! {
             details.confirm {
                 summary.button { (text) "…" }
-                form method="post" action=(to) {
+                form.asks method="post" action=(to) {
                     p { (warning) }
                     button.danger name="order" value=(order) { (yes) }
                 }
@@ -187,7 +201,7 @@ fn orders(base: &str, view: &JobView) -> Markup {
     };
     html! {
         section.orders #orders aria-label="Orders" {
-            @if can(Event::Retry) && job.state != State::Done { (plain("retry", "Try again")) }
+            @if can(Event::Retry) && job.state != State::Done { (again) }
             @if can(Event::Pause) { (plain("pause", "Pause")) }
             @if can(Event::Resume) { (plain("resume", "Resume")) }
             @if can(Event::Cancel) {
@@ -225,7 +239,7 @@ fn sources(view: &JobView, inputs: &[Input], now: Millis) -> Markup {
                             tbody {
                                 @for input in inputs.iter().take(INPUTS) {
                                     tr {
-                                        td { (input.path.strip_prefix(&view.job.source).unwrap_or(&input.path).to_string_lossy()) }
+                                        td { (Lines(input.path.strip_prefix(&view.job.source).unwrap_or(&input.path).to_string_lossy())) }
                                         td.num { (words::bytes(input.size)) }
                                         td.num { (parts::time(input.mtime_ns / 1_000_000, now)) }
                                     }
@@ -261,7 +275,7 @@ fn story(attempts: &[Attempt], history: &[History], now: Millis) -> Markup {
                                 td { (attempt.number) }
                                 td { (parts::time(attempt.started_at, now)) }
                                 td.num { (words::duration(attempt.ended_at.unwrap_or(now) - attempt.started_at)) }
-                                td { (ended(attempt)) @if let Some(error) = &attempt.error { ": " (error) } }
+                                td { (ended(attempt)) @if let Some(error) = &attempt.error { ": " (parts::text(error)) } }
                             }
                         }
                     }
@@ -273,7 +287,7 @@ fn story(attempts: &[Attempt], history: &[History], now: Millis) -> Markup {
                     @for line in history {
                         li {
                             (parts::time(line.at, now)) " " (line.kind)
-                            @if let Some(detail) = line.detail.as_deref().filter(|detail| !detail.is_empty()) { ": " (detail) }
+                            @if let Some(detail) = line.detail.as_deref().filter(|detail| !detail.is_empty()) { ": " (parts::text(detail)) }
                         }
                     }
                 }
@@ -310,7 +324,7 @@ fn log(lines: &[Line]) -> Markup {
                             tr class={ "level-" (line.level) } {
                                 td { time datetime=(iso8601(line.at)) { (iso8601(line.at).replace('T', " ")) } }
                                 td { (line.level) }
-                                td { (line.text) }
+                                td { (Lines(&line.text)) }
                             }
                         }
                     }

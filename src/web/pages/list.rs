@@ -1,13 +1,14 @@
 //! `/`: all jobs, a page at a time.
 
-use axum::extract::{Query, State as Extract};
+use axum::extract::{Extension, Query, State as Extract};
 use axum::response::Response;
 use maud::{Markup, html};
 use serde::Deserialize;
 
 use super::super::Shared;
 use super::super::api::{self, JobView, Refusal};
-use super::{frame, overview, parts, words};
+use super::super::session::Role;
+use super::{crs, frame, overview, parts, words};
 use crate::clock::Millis;
 use crate::job::State;
 use crate::store::{Listing, Page, Place, Reason, Shown, Sort};
@@ -15,7 +16,7 @@ use crate::store::{Listing, Page, Place, Reason, Shown, Sort};
 /// Jobs on a page.
 const JOBS: i64 = 50;
 /// Reasons of failures that are told.
-const REASONS: i64 = 8;
+const REASONS: usize = 12;
 /// Bytes of a search.
 const LONGEST_SEARCH: usize = 200;
 
@@ -26,7 +27,6 @@ pub(super) struct Asked {
     state: Option<String>,
     q: Option<String>,
     sort: Option<String>,
-    up: Option<String>,
     at: Option<String>,
     said: Option<String>,
     n: Option<u64>,
@@ -36,13 +36,24 @@ impl Asked {
     pub fn listing(&self) -> Listing {
         let search = self.q.as_deref().unwrap_or("").trim();
         let end = (0..=search.len().min(LONGEST_SEARCH)).rev().find(|end| search.is_char_boundary(*end));
+        let order = self.sort.as_deref().unwrap_or("");
+        let name = order.strip_suffix(UP).unwrap_or(order);
+        let sort = Sort::parse(name);
         Listing {
             shown: self.state.as_deref().and_then(Shown::parse),
             search: search[..end.unwrap_or(0)].to_string(),
-            sort: self.sort.as_deref().and_then(Sort::parse).unwrap_or_default(),
-            ascending: self.up.is_some(),
+            sort: sort.unwrap_or_default(),
+            ascending: sort.is_some() && name != order,
         }
     }
+}
+
+/// At the end of an order's name: the smallest first.
+const UP: &str = "-up";
+
+/// An order as it stands in an address.
+fn order_name(sort: Sort, ascending: bool) -> String {
+    format!("{}{}", sort.name(), if ascending { UP } else { "" })
 }
 
 /// The address of a listing, and of a place in it.
@@ -52,11 +63,8 @@ fn address(base: &str, listing: &Listing, place: Option<&Place>) -> String {
     if !listing.search.is_empty() {
         pairs.push(("q", listing.search.clone()));
     }
-    if listing.sort != Sort::default() {
-        pairs.push(("sort", listing.sort.name().to_string()));
-    }
-    if listing.ascending {
-        pairs.push(("up", "1".to_string()));
+    if listing.sort != Sort::default() || listing.ascending {
+        pairs.push(("sort", order_name(listing.sort, listing.ascending)));
     }
     pairs.extend(place.map(|place| ("at", place.to_text())));
     let query: Vec<String> = pairs.iter().map(|(key, value)| format!("{key}={}", encoded(value))).collect();
@@ -77,6 +85,7 @@ pub(super) fn encoded(text: &str) -> String {
 
 pub(super) async fn page(
     Extract(shared): Extract<Shared>,
+    Extension(role): Extension<Role>,
     Query(asked): Query<Asked>,
 ) -> Result<Response, Refusal> {
     let (base, now) = (frame::base(&shared), shared.clock.now());
@@ -85,7 +94,7 @@ pub(super) async fn page(
     let page = shared.store.listing(&listing, place.as_ref(), JOBS).await?;
     let totals = shared.figures.get(&shared).await?;
     let counts = &totals.counts;
-    let total = shared.store.total(&listing, counts).await?;
+    let total = shared.store.total(&listing, &page, counts).await?;
     let all: i64 = counts.iter().filter(|(shown, _)| *shown != Shown::Dismissed).map(|(_, jobs)| jobs).sum();
     let reasons = match listing.shown {
         Some(shown @ (Shown::In(State::Failed) | Shown::In(State::Quarantined))) => {
@@ -106,14 +115,14 @@ pub(super) async fn page(
             (tabs(base, &listing, counts, all))
             (search(base, &listing))
             @if !reasons.is_empty() { (why(base, &listing, &reasons)) }
-            (bulk(base, &listing))
-            @if views.is_empty() { (none(&listing)) }
+            @if views.is_empty() { (none(base, &listing)) }
             @else { (table(base, &listing, &views, now)) }
             (pager(base, &listing, &page, total))
+            @if !views.is_empty() { (bulk(base, &listing)) }
         }
         (overview::waiting(&shared))
     };
-    Ok(frame::page(&shared, "Lodestone", main))
+    Ok(frame::page(&shared, role, "Lodestone", main))
 }
 
 fn tabs(base: &str, listing: &Listing, counts: &[(Shown, i64)], all: i64) -> Markup {
@@ -142,27 +151,30 @@ fn search(base: &str, listing: &Listing) -> Markup {
             @if let Some(shown) = listing.shown { input type="hidden" name="state" value=(shown.name()); }
             label.visually-hidden for="q" { "Search by name" }
             input #q type="search" name="q" value=(listing.search) placeholder="Search by name" maxlength="200";
-            label.visually-hidden for="sort" { "Sort by" }
+            label.visually-hidden for="sort" { "Order" }
             select #sort name="sort" {
-                @for sort in Sort::ALL {
-                    option value=(sort.name()) selected[sort == listing.sort] { (sort_words(sort)) }
+                @for (sort, ascending, text) in ORDERS {
+                    option value=(order_name(sort, ascending))
+                        selected[(sort, ascending) == (listing.sort, listing.ascending)] { (text) }
                 }
             }
-            label.check { input type="checkbox" name="up" value="1" checked[listing.ascending]; "smallest first" }
             button { "Show" }
         }
     }
 }
 
-fn sort_words(sort: Sort) -> &'static str {
-    match sort {
-        Sort::Age => "newest",
-        Sort::Name => "name",
-        Sort::Points => "points",
-        Sort::Size => "size",
-        Sort::Took => "duration",
-    }
-}
+const ORDERS: [(Sort, bool, &str); 10] = [
+    (Sort::Age, false, "newest first"),
+    (Sort::Age, true, "oldest first"),
+    (Sort::Name, true, "name, A to Z"),
+    (Sort::Name, false, "name, Z to A"),
+    (Sort::Points, false, "most points first"),
+    (Sort::Points, true, "fewest points first"),
+    (Sort::Size, false, "largest files first"),
+    (Sort::Size, true, "smallest files first"),
+    (Sort::Took, false, "longest run first"),
+    (Sort::Took, true, "shortest run first"),
+];
 
 /// Why the jobs of this listing failed, for six hundred are not read one by one.
 fn why(base: &str, listing: &Listing, reasons: &[Reason]) -> Markup {
@@ -170,15 +182,35 @@ fn why(base: &str, listing: &Listing, reasons: &[Reason]) -> Markup {
     html! {
         section.card.why #why aria-labelledby="why-title" {
             h2 #why-title { "Why they failed" }
-            ul {
+            p { "Mend what a reason names, then have its jobs tried again." }
+            ul.reasons {
                 @for reason in reasons {
-                    li { strong { (words::grouped(reason.jobs as u64)) " × " } (reason.text) }
+                    li {
+                        strong { (words::grouped(reason.jobs as u64)) " ×" }
+                        div {
+                            (parts::text(&reason.text))
+                            div.dim {
+                                @if reason.jobs > 1 { "for example " }
+                                a href={ (base) "/jobs/" (reason.example) } { bdi { (reason.name) } }
+                            }
+                        }
+                        @if reasons.len() > 1 {
+                            form method="post" action={ (base) "/jobs/order" } {
+                                input type="hidden" name="all" value=(state);
+                                input type="hidden" name="reason" value=(reason.key);
+                                input type="hidden" name="state" value=(state);
+                                button name="order" value="retry" aria-label={ "Retry those that failed for this reason: " (reason.text) } {
+                                    "Retry " @if reason.jobs > 1 { "these" } @else { "it" }
+                                }
+                            }
+                        }
+                    }
                 }
             }
-            p { "Mend what the reasons name, then have all of them tried again." }
             details.confirm {
                 summary.button { "Retry all " (state) "…" }
                 form method="post" action={ (base) "/jobs/order" } {
+                    p { "All of them are converted anew, one after the other." }
                     input type="hidden" name="all" value=(state);
                     input type="hidden" name="order" value="retry";
                     button.primary { "Yes, try all of them again" }
@@ -187,6 +219,7 @@ fn why(base: &str, listing: &Listing, reasons: &[Reason]) -> Markup {
             details.confirm {
                 summary.button { "Dismiss all " (state) "…" }
                 form method="post" action={ (base) "/jobs/order" } {
+                    p { "They leave the list; their files stay where they are." }
                     input type="hidden" name="all" value=(state);
                     input type="hidden" name="order" value="dismiss";
                     button { "Yes, take them out of the list" }
@@ -201,24 +234,28 @@ fn bulk(base: &str, listing: &Listing) -> Markup {
     html! {
         form.bulk #bulk method="post" action={ (base) "/jobs/order" } {
             input type="hidden" name="state" value=(listing.shown.map_or("", Shown::name));
-            span.bulk-label { "Chosen jobs:" }
+            span.bulk-label { strong #chosen {} " chosen jobs:" }
             @for (order, text) in
                 [("retry", "Retry"), ("pause", "Pause"), ("resume", "Resume"), ("dismiss", "Dismiss")] {
                 button name="order" value=(order) { (text) }
             }
             details.confirm {
                 summary.button { "Cancel…" }
-                button.danger name="order" value="cancel" { "Yes, call them off" }
+                div.asks {
+                    p { "What was done of them is lost. Their files stay." }
+                    button.danger name="order" value="cancel" { "Yes, call them off" }
+                }
             }
         }
     }
 }
 
-fn none(listing: &Listing) -> Markup {
+fn none(base: &str, listing: &Listing) -> Markup {
     html! {
         p.card.none {
-            @if !listing.search.is_empty() { "No job here has “" (listing.search) "” in its name." }
-            @else { "No job is " (listing.shown.map_or("here", Shown::name)) "." }
+            @if !listing.search.is_empty() { "No job here has “" bdi { (listing.search) } "” in its name. " }
+            @else { "No job is " (listing.shown.map_or("here", Shown::name)) ". " }
+            a href={ (base) "/" } { "Show all" }
         }
     }
 }
@@ -269,21 +306,36 @@ fn row(base: &str, view: &JobView, now: Millis) -> Markup {
             }
             td.pic { a href=(to) aria-label={ "Open " (job.name) } { (parts::thumbnail(view, 96)) } }
             td.name {
-                a href=(to) { (job.name) }
-                @if job.revision > 1 { span.dim { " revision " (job.revision) } }
-                @if job.priority != 0 { span.dim { " priority " (job.priority) } }
+                a href=(to) title=(job.name) { bdi { (job.name) } }
+                div.dim { (about(view)) }
             }
             td.state {
                 (parts::badge(view))
                 @if let Some(reading) = &view.progress { (parts::progress(job.id, reading)) }
-                @if let Some(note) = parts::note(view, now) { p.note { (note) } }
+                @if let Some(note) = parts::note(view, now) {
+                    p.note title=(note) { (parts::text(&parts::without_folders(view, &note))) }
+                }
             }
-            td.num data-label="points" { (words::points(job.points)) }
+            td.num data-label="points" { (parts::points(view)) }
             td.num data-label="size" { (words::bytes(job.bytes)) }
             td.num data-label="took" { @if let Some(took) = took { (words::duration(took)) } @else { "—" } }
             td.num data-label="age" { (parts::time(job.created_at, now)) }
         }
     }
+}
+
+/// What tells one job from another, below its name.
+fn about(view: &JobView) -> String {
+    let job = &view.job;
+    let mut about = vec![];
+    if job.revision > 1 {
+        about.push(format!("revision {}", job.revision));
+    }
+    if job.priority != 0 {
+        about.push(format!("priority {}", job.priority));
+    }
+    about.extend(job.result.as_ref().map(crs::of).and_then(crs::name));
+    about.join(" · ")
 }
 
 fn pager(base: &str, listing: &Listing, page: &Page, total: i64) -> Markup {

@@ -8,6 +8,7 @@
 mod assets;
 mod attributes;
 mod charts;
+mod crs;
 mod frame;
 mod job;
 mod list;
@@ -17,7 +18,7 @@ mod orders;
 mod overview;
 mod parts;
 mod result;
-mod share;
+pub(super) mod share;
 pub(super) mod upload;
 mod verified;
 mod words;

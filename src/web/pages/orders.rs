@@ -58,7 +58,7 @@ pub(super) async fn one(
             shared.store.order_preview(id, now).await?;
         }
         "verify" => shared.store.order_verification(id, now).await?,
-        "share" => drop(shared.store.share(&shared.store.job(id).await?.name, now).await?),
+        "share" => drop(shared.store.share_of(id, now).await?),
         "revoke" => {
             let link = field(&fields, "link").and_then(|value| value.parse().ok()).ok_or_else(unknown)?;
             let name = shared.store.job(id).await?.name;
@@ -77,7 +77,8 @@ pub(super) async fn one(
     Ok(Redirect::to(&format!("{}/jobs/{id}?said={order}", frame::base(&shared))).into_response())
 }
 
-/// An order to the jobs that were chosen, or to all in a state.
+/// An order to the jobs that were chosen, to all in a state, or to those of them that
+/// failed for one reason.
 pub(super) async fn many(
     Extract(shared): Extract<Shared>,
     Form(fields): Form<Fields>,
@@ -86,8 +87,13 @@ pub(super) async fn many(
     let jobs: Vec<JobId> = match field(&fields, "all") {
         Some(all) => {
             let shown = Shown::parse(all).ok_or_else(unknown)?;
-            let listing = Listing { shown: Some(shown), ..Listing::default() };
-            shared.store.listed(&listing, MOST).await?
+            match field(&fields, "reason") {
+                Some(reason) => shared.store.failed_for(shown, reason, MOST).await?,
+                None => {
+                    let listing = Listing { shown: Some(shown), ..Listing::default() };
+                    shared.store.listed(&listing, MOST).await?
+                }
+            }
         }
         None => {
             let chosen = fields.iter().filter(|(key, _)| key == "job");

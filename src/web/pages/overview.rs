@@ -8,11 +8,12 @@ use tokio::sync::Mutex;
 
 use super::super::Shared;
 use super::super::api::Refusal;
-use super::{charts, frame, words};
+use super::{charts, frame, parts, words};
 use crate::clock::Millis;
 use crate::job::State;
 use crate::store::{Mode, Shown};
 use crate::watch::events::Mode as News;
+use crate::words::Lines;
 
 /// Hours of the small chart.
 const HOURS: i64 = 24;
@@ -88,7 +89,7 @@ pub(super) async fn banners(shared: &Shared) -> Result<Markup, Refusal> {
                     its files until it is back."
                 }
             }
-            @if let Some(error) = &health.queue_error { p.banner.bad { "The queue: " (error) } }
+            @if let Some(error) = &health.queue_error { p.banner.bad { "The queue: " (parts::text(error)) } }
             @if let Some(free) = free {
                 @if free < reserve {
                     p.banner.bad {
@@ -138,7 +139,7 @@ pub(super) async fn strip(shared: &Shared, totals: &Totals) -> Result<Markup, Re
                     dd { (words::points(points as u64)) (charts::line(&rates, "Points a second in the last half hour")) }
                 }
                 div.chart {
-                    dt { "jobs an hour" }
+                    dt { "jobs done" }
                     dd {
                         (words::grouped(done.max(0) as u64)) span.dim { " in 24 h" }
                         (charts::bars(&by_hour, "Jobs that were done in each of the last 24 hours"))
@@ -175,8 +176,8 @@ pub(super) fn upload(shared: &Shared, base: &str) -> Markup {
         section.drop #drop aria-labelledby="drop-title" {
             strong #drop-title { "Drop LAS or LAZ files here, or folders of tiles" }
             form method="post" action={ (base) "/upload" } enctype="multipart/form-data" {
-                label.button-like { "Files " input type="file" name="files" multiple accept=".las,.laz"; }
-                label.button-like { "A folder " input type="file" name="files" webkitdirectory; }
+                label.chooser { span { "Choose files" } input type="file" name="files" multiple accept=".las,.laz"; }
+                label.chooser { span { "Choose a folder" } input type="file" name="files" webkitdirectory; }
                 button { "Upload" }
             }
             ul.uploads aria-label="Uploads" aria-live="polite" {}
@@ -191,7 +192,8 @@ pub(super) fn welcome(shared: &Shared) -> Markup {
             h2 { "Nothing here yet. Give it a point cloud." }
             ol {
                 li {
-                    "Copy a LAS or LAZ file, or a folder of tiles, into "
+                    @if shared.config.upload { "Drop a LAS or LAZ file, or a folder of tiles, onto this page, or copy it into " }
+                    @else { "Copy a LAS or LAZ file, or a folder of tiles, into " }
                     code { (shared.config.inbox().to_string_lossy()) } "."
                 }
                 li { "Lodestone waits until it is whole, converts it, and checks every point." }
@@ -232,10 +234,10 @@ pub(super) fn waiting(shared: &Shared) -> Markup {
                     tbody {
                         @for waiting in health.waiting.iter().take(WAITING) {
                             tr {
-                                td { (waiting.path.to_string_lossy()) }
+                                td { (Lines(waiting.path.to_string_lossy())) }
                                 td {
                                     @if !waiting.kind.may_pass() { span.badge.owed { "not taken" } " " }
-                                    (waiting.why)
+                                    (parts::text(waiting.why.strip_prefix("is not taken: ").unwrap_or(&waiting.why)))
                                     @if let Some((bytes, all)) = waiting.bytes.zip(waiting.expected_bytes) {
                                         progress max=(all) value=(bytes) aria-label="Bytes that have arrived" {
                                             (words::bytes(bytes)) " of " (words::bytes(all))

@@ -9,6 +9,7 @@ use crate::job::time::iso8601;
 use crate::job::{JobId, State};
 use crate::store::Drawn;
 use crate::store::board::Reading;
+use crate::words::Lines;
 
 /// What a stage does, in a word or two.
 pub(super) fn stage(name: &str) -> &'static str {
@@ -70,6 +71,39 @@ pub(super) fn progress(job: JobId, reading: &Reading) -> Markup {
     }
 }
 
+/// A text that may hold others' words, as an error with a path in it: what would turn
+/// it around or cannot be seen is escaped, and what stands between backticks is code.
+pub(super) fn text(text: &str) -> Markup {
+    let text = Lines(text).to_string();
+    let pieces: Vec<&str> = text.split('`').collect();
+    let is_paired = pieces.len() % 2 == 1;
+    html! {
+        @for (at, piece) in pieces.iter().enumerate() {
+            @if is_paired && at % 2 == 1 { code { (piece) } }
+            @else { @if !is_paired && at > 0 { "`" } (piece) }
+        }
+    }
+}
+
+/// A text with the folders above a job's source left out: the list tells which file
+/// it is about.
+pub(super) fn without_folders(view: &JobView, text: &str) -> String {
+    let source = view.job.source.to_string_lossy();
+    match view.job.source.file_name() {
+        Some(file) => text.replace(source.as_ref(), &file.to_string_lossy()),
+        None => text.to_string(),
+    }
+}
+
+/// Points of a job; none are known of one that failed before they were counted.
+pub(super) fn points(view: &JobView) -> Markup {
+    let job = &view.job;
+    html! {
+        @if job.points == 0 && job.state != State::Done { "—" }
+        @else { span title=(words::grouped(job.points)) { (words::points(job.points)) } }
+    }
+}
+
 /// Why a job is where it is, where that needs a word.
 pub(super) fn note(view: &JobView, now: Millis) -> Option<String> {
     let job = &view.job;
@@ -99,22 +133,23 @@ pub(super) fn thumbnail(view: &JobView, wide: u64) -> Markup {
                 img src=(still.url) data-turning=[turning] alt={ "Picture of " (view.job.name) }
                     width="96" height="96" loading="lazy";
             }
-            None => span class={ "nopicture " (kind) } aria-hidden="true" {},
+            None => span class={ "nopicture " (kind) @if owes_picture(view) { " owed" } } aria-hidden="true" {},
         }
     }
 }
 
 /// A time that people read and machines too.
 pub(super) fn time(then: Millis, now: Millis) -> Markup {
-    html! { time datetime=(iso8601(then)) title=(iso8601(then)) { (words::ago(then, now)) } }
+    html! { time.ago datetime=(iso8601(then)) title=(iso8601(then)) { (words::ago(then, now)) } }
 }
 
-/// A text and a button that copies it; an address is copied whole.
+/// A text and a button that copies it. An address in it, `url`, is copied whole, with
+/// the host under which the page was found.
 pub(super) fn copyable(text: &str, url: Option<&str>) -> Markup {
     html! {
         span.copyable {
-            code { (text) }
-            button.copy.quiet type="button" hidden data-copy=(text) data-copy-url=[url] { "Copy" }
+            code { (Lines(text)) } " "
+            button.copy.quiet type="button" data-copy=(text) data-copy-url=[url] { "Copy" }
         }
     }
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::{charts, parts, words};
+use super::{charts, crs, parts, words};
 
 fn number(value: &Value, key: &str) -> u64 {
     value[key].as_u64().unwrap_or_default()
@@ -24,10 +24,10 @@ fn triple(values: [f64; 3]) -> String {
 
 pub(super) fn all(report: &Value) -> Markup {
     html! {
-        (account(report))
-        (place(report))
-        (time(report))
-        (oddities(report))
+        div.cards {
+            div { (account(report)) (time(report)) (oddities(report)) }
+            div { (place(report)) }
+        }
     }
 }
 
@@ -81,35 +81,71 @@ fn place(report: &Value) -> Markup {
         let (raw, scale, offset) = (axes(&lattice[key])?, scale?, offset?);
         Some([0, 1, 2].map(|axis| raw[axis] * scale[axis] + offset[axis]))
     };
-    let wkt = report["projection"].as_str().unwrap_or("");
+    let wkt = crs::of(report);
+    let units = crs::units(wkt);
+    // In which each axis counts; nothing is said where the text says nothing.
+    let unit = units.map(|[across, heights]| [across, across, heights]).unwrap_or_default();
+    let row = |name: &str, values: [f64; 3]| {
+        html! {
+            tr {
+                th scope="row" { (name) }
+                @for (value, unit) in values.iter().zip(unit) {
+                    td.num { (words::figure(*value)) @if !unit.is_empty() { span.dim { "\u{a0}" (unit) } } }
+                }
+            }
+        }
+    };
     html! {
         section.card #place aria-labelledby="place-title" {
             h2 #place-title { "Where it lies" }
             dl.facts {
                 dt { "Coordinate system" }
                 dd {
-                    @match words::crs(wkt) {
+                    @match crs::name(wkt) {
                         Some(name) => { (name)
                             @if wkt.len() > 60 { details { summary { "as WKT" } (parts::copyable(wkt, None)) } }
+                            @if let Some(proj4) = report["projection"].as_str().filter(|text| text.starts_with('+')) {
+                                details { summary { "as PROJ string" } (parts::copyable(proj4, None)) }
+                            }
                         },
                         None => "none is given in the files",
                     }
                 }
-                @if let (Some(low), Some(high)) = (corner("min"), corner("max")) {
-                    dt { "From" } dd { (triple(low)) }
-                    dt { "To" } dd { (triple(high)) }
-                    dt { "Extent" } dd { (triple([0, 1, 2].map(|axis| high[axis] - low[axis]))) }
+            }
+            div.scroll tabindex="0" role="region" aria-labelledby="place-title" {
+                table.axes {
+                    thead { tr { td {} @for axis in ["x", "y", "z"] { th.num scope="col" { (axis) } } } }
+                    tbody {
+                        @if let (Some(low), Some(high)) = (corner("min"), corner("max")) {
+                            (row("Lowest", low)) (row("Highest", high))
+                            (row("Extent", [0, 1, 2].map(|axis| high[axis] - low[axis])))
+                        }
+                        @if let Some(scale) = scale { (row("Scale", scale)) }
+                        @if let Some(offset) = offset { (row("Offset", offset)) }
+                    }
                 }
-                @if let Some(scale) = scale { dt { "Scale" } dd { (triple(scale)) } }
-                @if let Some(offset) = offset { dt { "Offset" } dd { (triple(offset)) } }
+            }
+            dl.facts {
                 @if let Some(spacing) = report["spacing"].as_f64() {
-                    dt { "Spacing of the root" } dd { (words::figure(spacing)) }
+                    dt { "Spacing of the coarsest points" }
+                    dd { (words::figure(spacing)) @if !unit[0].is_empty() { " " (unit[0]) } }
                 }
                 @let options = &report["options"];
-                dt { "Sampling" } dd { (options["sampling"].as_str().unwrap_or("—")) }
-                dt { "Encoding" } dd { (options["encoding"].as_str().unwrap_or("—")) }
+                dt { "Sampling" } dd { (choice(options["sampling"].as_str().unwrap_or("—"))) }
+                dt { "Encoding" } dd { (choice(options["encoding"].as_str().unwrap_or("—"))) }
             }
         }
+    }
+}
+
+/// What an option's value means.
+fn choice(value: &str) -> &str {
+    match value {
+        "poisson" => "Poisson disk: evenly spread, at every depth",
+        "random" => "random: the fastest",
+        "DEFAULT" => "not compressed",
+        "BROTLI" => "compressed with Brotli",
+        other => other,
     }
 }
 
@@ -155,8 +191,8 @@ fn oddities(report: &Value) -> Markup {
             h2 #oddities-title { "What was looked for, and found" }
             ul {
                 @for guard in guards { li { (guarded(guard)) } }
-                @for repair in repairs { li { "Mended: " (repair) } }
-                @for note in notes { li { (note) } }
+                @for repair in repairs { li { "Mended: " (parts::text(repair)) } }
+                @for note in notes { li { (parts::text(note)) } }
                 @if !left_out.is_empty() { li { "Left out, as was asked: " (left_out.join(", ")) "." } }
                 @if !unused.is_empty() { li { "Zero in every point, and so not kept: " (unused.join(", ")) "." } }
             }

@@ -7,15 +7,15 @@ use axum::response::Response;
 use maud::{Markup, html};
 
 use super::super::Shared;
-use super::super::api::{self, Refusal};
+use super::super::api::{self, JobView, Refusal};
 use super::super::{files, octrees};
-use super::{attributes, frame, parts, words};
+use super::{attributes, crs, frame, parts, words};
 use crate::clock::Millis;
-use crate::job::{Job, State};
+use crate::job::Job;
 use crate::store::Share;
 
-/// What an octree is made of, beside its pictures and its COPC file.
-const FILES: [&str; 4] = ["metadata.json", "hierarchy.bin", "octree.bin", "report.json"];
+/// What an octree is made of, beside its pictures.
+const FILES: [&str; 3] = ["metadata.json", "hierarchy.bin", "octree.bin"];
 
 fn nothing(shared: &Shared) -> Response {
     frame::bare(
@@ -48,14 +48,14 @@ pub(super) async fn page(
     let picture = preview.and_then(|preview| preview.turntable().or_else(|| preview.still(500)));
     let main = html! {
         div.card.shared {
-            h1 { (name) }
+            h1 { bdi { (name) } }
             @if let Some(url) = picture.and_then(|asset| here(&asset.url)) {
                 img src=(url) alt={ (name) " from all sides" } width="512" height="512";
             }
             p {
                 (words::points(job.points)) " points, "
-                @let wkt = job.result.as_ref().and_then(|report| report["projection"].as_str()).unwrap_or("");
-                (words::crs(wkt).unwrap_or_else(|| "without a coordinate system".to_string()))
+                @let wkt = job.result.as_ref().map_or("", crs::of);
+                (crs::name(wkt).unwrap_or_else(|| "without a coordinate system".to_string()))
             }
             (attributes::addresses(
                 view.octree.as_deref().and_then(here).as_deref(),
@@ -84,18 +84,27 @@ pub(super) async fn file(
     Ok(files::answer(&file, &asked, HeaderValue::from_static("private, no-cache")).await)
 }
 
+/// What a link is for people, a page, and for viewers, a file.
+pub(in super::super) fn addresses(base: &str, share: &Share, job: &Job) -> [String; 2] {
+    let page = format!("{base}/share/{}", share.token);
+    let file = format!("{page}/octree/{}", octrees::Made::of(job).entry());
+    [page, file]
+}
+
 /// On the job's page: the links that there are, and a new one.
-pub(super) fn section(base: &str, job: &Job, shares: &[Share], now: Millis) -> Markup {
-    let to = format!("{base}/jobs/{}/order", job.id);
-    let stands = job.state == State::Done && job.superseded_by.is_none();
+pub(super) fn section(base: &str, view: &JobView, shares: &[Share], now: Millis) -> Markup {
+    let to = format!("{base}/jobs/{}/order", view.job.id);
     html! {
         section.card #share aria-labelledby="share-title" {
             h2 #share-title { "Share" }
             p.dim { "A link opens this octree alone, to read, for whoever has it; no token is asked for. It holds until it is taken back." }
             @for share in shares {
                 div.share {
-                    @let url = format!("{base}/share/{}", share.token);
-                    (parts::copyable(&url, Some(&url))) " "
+                    @let [url, file] = addresses(base, share, &view.job);
+                    dl.facts {
+                        dt { "For people" } dd { (parts::copyable(&url, Some(&url))) }
+                        dt { "For viewers" } dd { (parts::copyable(&file, Some(&file))) }
+                    }
                     span.dim { "made " (parts::time(share.created_at, now)) } " "
                     details.confirm {
                         summary.button { "Take back…" }
@@ -106,7 +115,7 @@ pub(super) fn section(base: &str, job: &Job, shares: &[Share], now: Millis) -> M
                     }
                 }
             }
-            @if stands {
+            @if view.stands() {
                 form method="post" action=(to) { button name="order" value="share" { "Make a link" } }
             }
         }

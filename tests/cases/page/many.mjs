@@ -30,7 +30,7 @@ for (const javaScriptEnabled of [true, false]) {
   await page.waitForURL(/at=before/);
   check((await names()).join() === first.join(), 'and back');
   await page.getByRole('link', { name: 'Points' }).click();
-  await page.waitForURL(/up=1/);
+  await page.waitForURL(/sort=points-up/);
   check((await page.locator('th[aria-sort=ascending]').count()) === 1, 'the other way round');
 
   // Chosen ones.

@@ -187,10 +187,13 @@ fn links_respect_the_public_address() {
         assert_eq!(status(&daemon, &format!("GET {path}")), 401, "{path}");
     }
     // And what a viewer on another page is given.
-    let shared = job["shared"].as_str().expect("an address").to_string();
-    assert!(shared.starts_with("/lidar/shared/") && !shared.contains(OPERATOR), "{shared}");
+    let (made, _, link) =
+        daemon.ask(&format!("POST /lidar/api/jobs/{}/links\nCookie: {cookie}", job["id"]), "");
+    let link: serde_json::Value = serde_json::from_slice(&link).expect("JSON");
+    let shared = link["file"].as_str().expect("an address").to_string();
+    assert!(made == 201 && shared.starts_with("/lidar/share/") && !shared.contains(OPERATOR), "{shared}");
     assert_eq!(status(&daemon, &format!("GET {shared}\nOrigin: https://viewer.example")), 200);
-    assert_eq!(status(&daemon, &format!("GET {}", shared.replace("a%20b", "b"))), 401);
+    assert_eq!(status(&daemon, &format!("GET {}", shared.replace("share/1", "share/2"))), 404);
     let (_, _, page) = daemon.ask(&format!("GET /\nCookie: {cookie}"), "");
     let page = String::from_utf8_lossy(&page).into_owned();
     let links: Vec<&str> = page.split("=\"/").skip(1).filter_map(|link| link.split('"').next()).collect();

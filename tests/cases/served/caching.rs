@@ -74,7 +74,7 @@ fn refusals_can_be_read_on_other_pages() {
     let bearer = "Authorization: Bearer correct-horse-battery";
     for (request, expected) in [
         ("GET /octrees/a/octree.bin", 401),
-        ("GET /shared/0123/a/octree.bin", 401),
+        ("GET /share/1-0123/octree/octree.bin", 404),
         (&format!("GET /octrees/a/octree.bin\n{bearer}"), 404),
         (&format!("GET /octrees/.staged/1/octree.bin\n{bearer}"), 404),
         ("GET /octrees/a/octree.bin\nHost: evil.example", 403),

@@ -19,7 +19,7 @@ use super::header;
 const TOKEN: &str = "correct-horse-battery";
 const READER: &str = "only-for-the-eyes";
 
-fn is_there(program: &str, variable: &str) -> bool {
+pub fn is_there(program: &str, variable: &str) -> bool {
     let there = Command::new(program).arg(if program == "nginx" { "-v" } else { "version" }).output().is_ok();
     let required = std::env::var(variable).is_ok_and(|value| value == "1");
     assert!(there || !required, "{variable}=1, but there is no {program}");
@@ -50,7 +50,7 @@ fn viewer() -> Option<PathBuf> {
 }
 
 /// Ends its process when it goes.
-struct Running(Child);
+pub struct Running(pub Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -154,14 +154,14 @@ fn a_viewer_on_another_page_draws_octrees() {
     // The refusal can be read by the page: it is an answer, not an error of the network.
     let seen = pages.open(&url, Some("a-wrong-token"));
     assert_eq!((&seen["statuses"][0], drawn(&seen)), (&401.into(), false), "{seen}");
-    let (_, _, jobs) = daemon.ask(&format!("GET /api/jobs\nAuthorization: Bearer {READER}"), "");
-    let jobs: Value = serde_json::from_slice(&jobs).expect("JSON");
-    let shared = jobs["jobs"][0]["shared"].as_str().expect("an address");
+    let (_, _, link) = daemon.ask(&format!("POST /api/jobs/1/links\nAuthorization: Bearer {TOKEN}"), "");
+    let link: Value = serde_json::from_slice(&link).expect("JSON");
+    let shared = link["file"].as_str().expect("an address");
     let seen = pages.open(&format!("http://{}{shared}", daemon.address), None);
     assert!(drawn(&seen), "{seen}");
 }
 
-fn free_port() -> u16 {
+pub fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a port").port()
 }
 
@@ -175,7 +175,7 @@ fn change(text: &str, from: &str, to: &str) -> String {
     text.replace(from, to)
 }
 
-fn nginx(folder: &Path, port: u16, daemon: &str) -> Child {
+pub fn nginx(folder: &Path, port: u16, daemon: &str) -> Child {
     let server = change(&deployed("nginx.conf"), "127.0.0.1:7700", daemon);
     let server = change(&server, "listen 80;", &format!("listen 127.0.0.1:{port};"));
     let server = change(&server, "server_name scans.example.com;", "server_name 127.0.0.1;");
@@ -267,7 +267,9 @@ fn through(name: &str, proxy: fn(&Path, u16, &str) -> Child) {
     let metadata = job["octree"].as_str().expect("an address");
     let seen = pages.open(&format!("{public}{metadata}"), Some(READER));
     assert!(drawn(&seen), "{name}: {seen}");
-    let shared = job["shared"].as_str().expect("an address");
+    let (_, _, link) = with(&format!("POST /lodestone/api/jobs/{}/links\nOrigin: {public}", job["id"]));
+    let link: Value = serde_json::from_slice(&link).expect("JSON");
+    let shared = link["file"].as_str().expect("an address");
     let seen = pages.open(&format!("{public}{shared}"), None);
     assert!(drawn(&seen), "{name}: {seen}");
 }

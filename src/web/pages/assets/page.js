@@ -6,7 +6,9 @@ const still = matchMedia('(prefers-reduced-motion: reduce)');
 
 // Shows what only works with scripts; called again after the page was renewed.
 function enhance() {
-  for (const button of document.querySelectorAll('button.copy, #pick-all')) button.hidden = false;
+  for (const box of document.querySelectorAll('#pick-all')) box.hidden = false;
+  count();
+  age();
   const turn = document.querySelector('#turn');
   if (turn && !still.matches) turn.hidden = false;
 }
@@ -32,7 +34,7 @@ document.addEventListener('click', async event => {
   if (!button) return;
   if (button.matches('.copy')) {
     const url = button.dataset.copyUrl;
-    const text = url ? new URL(url, location.href).href : button.dataset.copy;
+    const text = url ? button.dataset.copy.replace(url, () => new URL(url, location.href).href) : button.dataset.copy;
     const label = button.dataset.label ?? (button.dataset.label = button.textContent);
     button.textContent = await copy(text) ? 'Copied' : 'Press Ctrl+C';
     setTimeout(() => { button.textContent = label; }, 2000);
@@ -64,10 +66,53 @@ async function copy(text) {
   }
 }
 
+function count() {
+  const chosen = document.querySelector('#chosen');
+  if (chosen) chosen.textContent = document.querySelectorAll('input[name=job]:checked').length;
+}
+
 document.addEventListener('change', event => {
-  if (event.target.id !== 'pick-all') return;
-  for (const box of document.querySelectorAll('input[name=job]')) box.checked = event.target.checked;
+  if (event.target.id === 'pick-all') {
+    for (const box of document.querySelectorAll('input[name=job]')) box.checked = event.target.checked;
+  }
+  if (event.target.matches('#pick-all, input[name=job]')) count();
+  // Another order is shown at once.
+  if (event.target.matches('#sort')) event.target.form.submit();
 });
+
+// A page that nothing happens on grows older all the same, by the daemon's clock.
+const ahead = Number(document.body.dataset.now ?? Date.now()) - Date.now();
+function age() {
+  for (const time of document.querySelectorAll('time.ago')) {
+    const text = ago((Date.now() + ahead - Date.parse(time.dateTime)) / 1000);
+    if (time.textContent !== text) time.textContent = text;
+  }
+}
+setInterval(age, 10_000);
+
+// As the page itself says it.
+function ago(seconds) {
+  if (seconds < -60) return 'in the future';
+  if (seconds < 5) return 'just now';
+  if (seconds < 60) return `${Math.floor(seconds)} s ago`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min ago`;
+  if (seconds < 86400) return `${Math.floor(seconds / 3600)} h ago`;
+  return seconds < 172800 ? 'yesterday' : `${Math.floor(seconds / 86400)} days ago`;
+}
+
+// What asks is closed by Escape, by another that is opened, and by a click elsewhere.
+function close(but) {
+  for (const open of document.querySelectorAll('details.confirm[open]')) {
+    if (open !== but) open.open = false;
+  }
+}
+document.addEventListener('keydown', event => {
+  if (event.key !== 'Escape') return;
+  const open = document.querySelector('details.confirm[open]');
+  if (open?.contains(document.activeElement)) open.querySelector('summary').focus();
+  close();
+});
+document.addEventListener('click', event => close(event.target.closest?.('details.confirm')));
 
 // Notifications: only on request, kept in this browser.
 const WANTED = 'lodestone-notify';

@@ -39,7 +39,6 @@ export function upload() {
     choose();
   });
   for (const input of form.querySelectorAll('input[type=file]')) input.addEventListener('change', choose);
-  form.querySelector('button').hidden = true;
 
   function choose() {
     for (const input of form.querySelectorAll('input[type=file]')) {
