@@ -7,6 +7,7 @@
 mod cost;
 mod links;
 mod looks;
+mod odd;
 mod orders;
 mod rows;
 mod uploads;

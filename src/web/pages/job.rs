@@ -275,7 +275,7 @@ fn story(attempts: &[Attempt], history: &[History], now: Millis) -> Markup {
                                 td { (attempt.number) }
                                 td { (parts::time(attempt.started_at, now)) }
                                 td.num { (words::duration(attempt.ended_at.unwrap_or(now) - attempt.started_at)) }
-                                td { (ended(attempt)) @if let Some(error) = &attempt.error { ": " (parts::text(error)) } }
+                                td { (attempt.outcome.as_deref().map_or("runs", happened)) @if let Some(error) = &attempt.error { ": " (parts::text(error)) } }
                             }
                         }
                     }
@@ -283,10 +283,10 @@ fn story(attempts: &[Attempt], history: &[History], now: Millis) -> Markup {
             }
             details open[attempts.is_empty()] {
                 summary { "History" }
-                ol.history {
+                ul.history {
                     @for line in history {
                         li {
-                            (parts::time(line.at, now)) " " (line.kind)
+                            (parts::time(line.at, now)) " " (happened(&line.kind))
                             @if let Some(detail) = line.detail.as_deref().filter(|detail| !detail.is_empty()) { ": " (parts::text(detail)) }
                         }
                     }
@@ -296,17 +296,23 @@ fn story(attempts: &[Attempt], history: &[History], now: Millis) -> Markup {
     }
 }
 
-/// How an attempt ended, in a word.
-fn ended(attempt: &Attempt) -> &str {
-    match attempt.outcome.as_deref() {
-        None => "runs",
-        Some("succeed") => "done",
-        Some("fail") => "failed",
-        Some("postpone") => "failed, may pass",
-        Some("crash") => "the daemon died",
-        Some("quarantine") => "failed once too often",
-        Some("park") => "stopped to go on later",
-        Some(other) => other,
+/// An event of a job, in words.
+fn happened(kind: &str) -> &str {
+    match kind {
+        "queued" => "came in",
+        "claim" => "started",
+        "succeed" => "done",
+        "fail" => "failed",
+        "postpone" => "failed, which may pass; tried again later",
+        "crash" => "the daemon died",
+        "quarantine" => "failed once too often",
+        "park" => "stopped, to go on later",
+        "cancel" => "called off",
+        "pause" => "paused",
+        "resume" => "resumed",
+        "retry" => "to be tried again",
+        "preview" => "pictures made",
+        other => other,
     }
 }
 

@@ -186,8 +186,11 @@ impl Seen {
                 .for_each(|waiting| (&waiting.path, waiting.kind, waiting.bytes).hash(&mut hasher));
             let state = hasher.finish();
             if self.state.replace(state).is_some_and(|seen| seen != state) && !changed {
-                self.changed(&mut text);
+                changed = self.changed(&mut text);
             }
+        }
+        if shared.figures.catch_up().await && !changed {
+            self.changed(&mut text);
         }
         self.progress(shared, &mut text);
         Ok(text)

@@ -9,6 +9,7 @@ mod assets;
 mod attributes;
 mod charts;
 mod crs;
+mod figures;
 mod frame;
 mod job;
 mod list;
@@ -30,8 +31,8 @@ use axum::routing::{get, post};
 
 use super::{Shared, octrees};
 
+pub use figures::Figures;
 pub use live::Live;
-pub use overview::Figures;
 
 /// Pages and forms that answer at once.
 pub(super) fn router(shared: &Shared) -> Router<Shared> {

@@ -1,66 +1,18 @@
 //! What stands around the list: how the daemon is, what it may do, where files go
 //! and what waits there.
 
-use std::sync::Arc;
-
-use maud::{Markup, html};
-use tokio::sync::Mutex;
-
 use super::super::Shared;
 use super::super::api::Refusal;
-use super::{charts, frame, parts, words};
-use crate::clock::Millis;
+use super::figures::Totals;
+use super::{charts, figures, frame, parts, words};
 use crate::job::State;
 use crate::store::{Mode, Shown};
 use crate::watch::events::Mode as News;
 use crate::words::Lines;
+use maud::{Markup, html};
 
-/// Hours of the small chart.
-const HOURS: i64 = 24;
-const HOUR: Millis = 3_600_000;
 /// Things that wait and are told of.
 const WAITING: usize = 200;
-
-/// How long figures of all jobs are good for, in milliseconds: many open pages ask
-/// at once, and there may be many jobs.
-const FRESH: Millis = 2_000;
-
-/// Figures of all jobs.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Totals {
-    /// How many jobs are shown in each state.
-    pub counts: Vec<(Shown, i64)>,
-    /// Jobs that were done, by hours since 1970.
-    hours: Vec<(i64, i64, i64)>,
-}
-
-/// The latest figures, for all pages. Cheap to clone.
-#[derive(Debug, Clone, Default)]
-pub struct Figures(Arc<Mutex<Option<(Millis, Totals)>>>);
-
-impl Figures {
-    pub(super) async fn get(&self, shared: &Shared) -> Result<Totals, Refusal> {
-        // Held meanwhile: one asks, the others get its answer.
-        let mut kept = self.0.lock().await;
-        let now = shared.clock.now();
-        if let Some((at, totals)) = &*kept
-            && (0..FRESH).contains(&(now - at))
-        {
-            return Ok(totals.clone());
-        }
-        let totals = Totals {
-            counts: shared.store.shown_counts().await?,
-            hours: shared.store.done_by_hour(now - HOURS * HOUR).await?,
-        };
-        *kept = Some((now, totals.clone()));
-        Ok(totals)
-    }
-
-    /// To be called after an order: who gave it looks at what came of it.
-    pub(super) async fn forget(&self) {
-        *self.0.lock().await = None;
-    }
-}
 
 /// What somebody must know before all else.
 pub(super) async fn banners(shared: &Shared) -> Result<Markup, Refusal> {
@@ -114,9 +66,9 @@ pub(super) async fn strip(shared: &Shared, totals: &Totals) -> Result<Markup, Re
     };
     let free = shared.disk.free_space(&shared.config.octrees()).ok();
     let hours = &totals.hours;
-    let this = now / HOUR;
-    let by_hour: Vec<f64> = (0..=HOURS)
-        .map(|at| this - HOURS + at)
+    let this = now / figures::HOUR;
+    let by_hour: Vec<f64> = (0..=figures::HOURS)
+        .map(|at| this - figures::HOURS + at)
         .map(|hour| hours.iter().find(|(h, ..)| *h == hour).map_or(0.0, |(_, jobs, _)| *jobs as f64))
         .collect();
     let done: i64 = hours.iter().map(|(_, jobs, _)| jobs).sum();

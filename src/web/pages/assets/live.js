@@ -3,8 +3,9 @@
 // in focus stays. All text comes escaped in the page itself, or is set as text.
 
 const base = document.body.dataset.base;
-// Pages are not fetched more often, in milliseconds.
+// Pages are not fetched more often, in milliseconds; while much happens, less often.
 const PAUSE = 1500;
+const LONGEST_PAUSE = 6000;
 // Where no stream is to be had.
 const POLL = 5000;
 
@@ -14,6 +15,7 @@ export function live({ enhance, ended, stays }) {
   const own = /\/jobs\/(\d+)$/.exec(location.pathname)?.[1];
   let busy = false;
   let again = false;
+  let pause = PAUSE;
   let stream = null;
   let poll = 0;
 
@@ -45,8 +47,9 @@ export function live({ enhance, ended, stays }) {
     }
     setTimeout(() => {
       busy = false;
+      pause = again ? Math.min(2 * pause, LONGEST_PAUSE) : PAUSE;
       if (again) refresh();
-    }, PAUSE);
+    }, pause);
   }
 
   function progress(event) {
