@@ -32,8 +32,8 @@ fn bytes_read(daemon: &Daemon) -> u64 {
 fn pages_read_little_of_many_jobs() {
     let root = tempfile::tempdir().expect("a folder");
     let data = root.path().join("data");
-    // 80 MB of jobs, most of that in their reports.
-    rows::fill(&data, 25_000);
+    // Many MB of jobs, most of that in their reports.
+    rows::fill(&data, 30_000);
     let size = fs::metadata(data.join("lodestone.db")).expect("there").len();
     assert!(size > 60 << 20, "{size}");
     let daemon = Daemon::start_with(&data, &[&["--settle-seconds", "3600"][..], &STATEMENTS].concat());

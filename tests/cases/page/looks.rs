@@ -79,7 +79,7 @@ fn folders_that_are_dropped_become_one_cloud() {
     if !drive("drop.mjs", &arguments.iter().map(String::as_str).collect::<Vec<_>>()) {
         return;
     }
-    let octree = converted(&[&here.join("tiles")], &root.path().join("octree"));
+    let octree = converted(&[&here.join("tiles")], &root.path().join("converted").join("tiles"));
     assert_eq!(content(&daemon.octree("tiles")), octree);
     daemon.wait("by form", "done");
     assert!(!daemon.inbox().join("tiles/read me.txt").exists() && !daemon.inbox().join("scan.e57").exists());
@@ -101,13 +101,13 @@ fn below_a_path_nothing_leads_out() {
     // More than proxies take by themselves.
     fs::write(&file, las(80_000, 1)).expect("written");
     for (at, proxy) in [nginx, stripping].into_iter().enumerate() {
-        let folder = root.path().join(format!("proxy {at}"));
+        let folder = root.path().join(format!("proxy-{at}"));
         fs::create_dir_all(&folder).expect("made");
         let port = free_port();
         let site = format!("http://127.0.0.1:{port}");
         let url = format!("{site}/lodestone");
         let args = ["--token", TOKEN, "--public-url", &url, "--preview", "true", "--preview-frames", "3"];
-        let daemon = Daemon::start_with(&root.path().join(format!("data {at}")), &args);
+        let daemon = Daemon::start_with(&root.path().join(format!("data-{at}")), &args);
         let _proxy = Running(proxy(&folder, port, &daemon.address));
         wait_for("the proxy", || TcpStream::connect(format!("127.0.0.1:{port}")).ok());
         drive("prefix.mjs", &[&site, "/lodestone", TOKEN, file.to_str().expect("UTF-8")]);

@@ -35,7 +35,7 @@ for (const javaScriptEnabled of [true, false]) {
 
   // Chosen ones.
   await page.goto(`${address}/?state=failed`);
-  check((await page.locator('#why').textContent()).includes('× '), 'why they failed');
+  check((await page.locator('#why').textContent()).includes(' ×'), 'why they failed');
   if (javaScriptEnabled) {
     await shot(page, 'failed');
     const found = await axe(page);

@@ -32,8 +32,8 @@ fn odd_jobs_are_told_plainly() {
                 now,
             ),
             job("back", "done", 5, "", "{}", now + 7_200_000, now - 7_200_000),
-            job("odd", "done", 0, "", &report, 0, 1),
-            job("list", "done", 0, "", "[1, 2]", 0, i64::MAX),
+            job("odd", "done", 0, "", &report, now - 10, now),
+            job("list", "done", 0, "", "[1, 2]", now, i64::MAX),
             job(
                 &long,
                 "failed",
