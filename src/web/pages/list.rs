@@ -199,8 +199,9 @@ fn why(base: &str, listing: &Listing, reasons: &[Reason]) -> Markup {
                                 input type="hidden" name="all" value=(state);
                                 input type="hidden" name="reason" value=(reason.key);
                                 input type="hidden" name="state" value=(state);
-                                button name="order" value="retry" aria-label={ "Retry those that failed for this reason: " (reason.text) } {
+                                button name="order" value="retry" {
                                     "Retry " @if reason.jobs > 1 { "these" } @else { "it" }
+                                    span.visually-hidden { ": " (reason.text) }
                                 }
                             }
                         }
@@ -234,7 +235,7 @@ fn bulk(base: &str, listing: &Listing) -> Markup {
     html! {
         form.bulk #bulk method="post" action={ (base) "/jobs/order" } {
             input type="hidden" name="state" value=(listing.shown.map_or("", Shown::name));
-            span.bulk-label { strong #chosen {} " chosen jobs:" }
+            span.bulk-label { "Chosen: " strong #chosen {} }
             @for (order, text) in
                 [("retry", "Retry"), ("pause", "Pause"), ("resume", "Resume"), ("dismiss", "Dismiss")] {
                 button name="order" value=(order) { (text) }

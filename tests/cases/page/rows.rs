@@ -36,7 +36,7 @@ pub fn fill(root: &Path, jobs: i64) {
                result, created_at, started_at, updated_at, finished_at) \
              SELECT i, 1, 'Tile_' || i, '/in/Tile_' || i || '.laz', 1, 'k' || i, \
                CASE i % 4 WHEN 0 THEN 'failed' WHEN 1 THEN 'paused' ELSE 'done' END, '{}', i * 977 % 9999991, i * 7919 % 99999989, \
-               CASE i % 4 WHEN 0 THEN '/in/Tile_' || i || '.laz: ' || CASE i % 3 WHEN 0 THEN 'is cut: ' || i * 7 || ' of its ' || i * 9 || ' points could be read' WHEN 1 THEN 'is no LAS file' ELSE 'cannot be decoded' END END, \
+               CASE i % 4 WHEN 0 THEN '/in/Tile_' || i || '.laz: ' || CASE i % 3 WHEN 0 THEN 'is cut: ' || (i * 7) || ' of its ' || (i * 9) || ' points could be read' WHEN 1 THEN 'is no LAS file' ELSE 'cannot be decoded' END END, \
                CASE WHEN i % 4 > 1 THEN json_object('points_in', i, 'points_out', i, 'exact', json('true'), 'projection', hex(zeroblob(1500))) END, \
                1790000000000 + i * 1000, CASE WHEN i % 4 <> 1 THEN 1790000001000 + i * 1000 END, 1790000001000, \
                CASE WHEN i % 4 <> 1 THEN 1790000001000 + i * 1000 + i * 31 % 900000 END FROM n";
