@@ -8,8 +8,8 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::{Shared, pages};
 use super::api::Refusal;
+use super::{Shared, pages};
 use crate::job::{Job, JobId};
 use crate::store::{Mode, Share};
 

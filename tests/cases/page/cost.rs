@@ -38,28 +38,34 @@ fn pages_read_little_of_many_jobs() {
     assert!(size > 60 << 20, "{size}");
     let daemon = Daemon::start_with(&data, &[&["--settle-seconds", "3600"][..], &STATEMENTS].concat());
     for (path, most_asked, most_bytes) in [
-        ("/", 14, 8 << 20),
-        ("/?state=done", 14, 8 << 20),
-        ("/?q=tile_4321", 14, 12 << 20),
-        ("/?q=not+there", 14, 12 << 20),
-        ("/?sort=name", 14, 12 << 20),
-        ("/?sort=points", 14, 12 << 20),
-        ("/?sort=took-up&state=done", 14, 12 << 20),
-        ("/?sort=age-up", 14, 8 << 20),
+        ("/", 9, 4 << 20),
+        ("/?state=done", 9, 4 << 20),
+        ("/?q=tile_4321", 9, 8 << 20),
+        ("/?q=not+there", 9, 8 << 20),
+        ("/?sort=name", 9, 8 << 20),
+        ("/?sort=points", 9, 8 << 20),
+        ("/?sort=took-up&state=done", 9, 8 << 20),
+        ("/?sort=age-up", 9, 4 << 20),
         // Reads the errors of the latest 5 000, and so their rows.
-        ("/?state=failed", 15, 40 << 20),
-        ("/jobs/24999", 20, 4 << 20),
-        ("/api/jobs", 6, 4 << 20),
-        ("/api/jobs/24999", 12, 4 << 20),
+        ("/?state=failed", 10, 32 << 20),
+        ("/jobs/29999", 12, 1 << 20),
+        ("/api/jobs", 5, 2 << 20),
+        ("/api/jobs/29999", 8, 1 << 20),
     ] {
-        // As it is once it was asked for: pages of the index are not read twice.
-        assert_eq!(daemon.get(path).0, 200, "{path}");
-        let (asked, read) = (statements(&daemon).len(), bytes_read(&daemon));
-        let (status, body) = daemon.get(path);
-        let (asked, read) = (statements(&daemon).len() - asked, bytes_read(&daemon) - read);
-        assert!(status == 200 && body.len() < 2 << 20, "{path}: {status}, {} bytes", body.len());
-        assert!(asked <= most_asked, "{path} asks {asked} times: {:#?}", statements(&daemon));
-        assert!(read <= most_bytes, "{path} reads {read} bytes of {size}");
+        // The first time tells what is read once; and the daemon goes on with its own
+        // affairs meanwhile, so the least of some tries counts.
+        let mut tries = vec![];
+        let is_little = |tries: &[(usize, u64)]| {
+            let least = |of: fn(&(usize, u64)) -> u64| tries.iter().map(of).min().unwrap_or(u64::MAX);
+            least(|(asked, _)| *asked as u64) <= most_asked && least(|(_, read)| *read) <= most_bytes
+        };
+        while tries.len() < 6 && !is_little(&tries) {
+            let (asked, read) = (statements(&daemon).len(), bytes_read(&daemon));
+            let (status, body) = daemon.get(path);
+            assert!(status == 200 && body.len() < 2 << 20, "{path}: {status}, {} bytes", body.len());
+            tries.push((statements(&daemon).len() - asked, bytes_read(&daemon) - read));
+        }
+        assert!(is_little(&tries), "{path}: statements and bytes read {tries:?} of {size}");
     }
 }
 

