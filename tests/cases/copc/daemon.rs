@@ -35,7 +35,12 @@ fn a_copc_file_alone_is_served_counted_and_drawn() {
     let metrics = format!("lodestone_copc_bytes_total {}", file.len());
     daemon.wait_metrics(&["lodestone_copc_files_total 1", &metrics]);
     let page = daemon.get(&format!("/jobs/{}", job["id"])).1;
-    assert!(page.contains("größe 1.copc.laz") && page.contains("For QGIS") && page.contains("pdal info --summary "), "{page}");
+    assert!(
+        page.contains("größe 1.copc.laz")
+            && page.contains("For QGIS")
+            && page.contains("pdal info --summary "),
+        "{page}"
+    );
     assert!(!page.contains("metadata.json"), "there is no octree to be told of");
     wait_for("pictures", || folder.join("preview/thumbnail.png").exists().then_some(()));
     assert_eq!(listing(&folder), ["größe 1.copc.laz", "preview", "report.json"]);
