@@ -94,7 +94,7 @@ impl std::ops::Deref for Bytes {
 /// it.
 enum Content {
     /// In memory; with the receipt to be given when it is written.
-    Here(Each<Bytes>, Option<Built>),
+    Here(Each<Bytes>, Option<Box<Built>>),
     /// In the scratch, receipted.
     Spilled(Each<u64>),
     /// At these places already, since an earlier run.
@@ -205,7 +205,7 @@ impl OutputFiles {
                 scratch.spill(number as u32, [&a.bytes, &b.bytes], built)?;
                 Content::Spilled(bytes)
             }
-            (_, receipt) => Content::Here([a.bytes, b.bytes], receipt),
+            (_, receipt) => Content::Here([a.bytes, b.bytes], receipt.map(Box::new)),
         };
         self.place(number, content, nodes)
     }
@@ -262,7 +262,7 @@ impl OutputFiles {
                     self.put(file, at[file], &bytes[file])?;
                 }
                 if let (Some(scratch), Some(built)) = (scratch, receipt) {
-                    scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..built } })?;
+                    scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..*built } })?;
                 }
                 for (file, bytes) in bytes.into_iter().enumerate() {
                     let mut used = self.used(file);
