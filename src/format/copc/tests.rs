@@ -186,7 +186,7 @@ fn others_files_have_the_las_fields_under_viewers_names() {
     let made = make(folder.path(), 3, [0.01; 3]);
     // Another program passes our record on and changes a field.
     let mut bytes = std::fs::read(&made.path).unwrap();
-    let at = bytes.windows(7).position(|w| w == b"Girth\0").unwrap();
+    let at = bytes.windows(6).position(|w| w == b"Girth\0").unwrap();
     bytes[at] = b'B';
     std::fs::write(&made.path, bytes).unwrap();
     let file = CopcFile::open(&made.path, MEMORY).unwrap();
