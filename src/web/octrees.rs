@@ -14,7 +14,6 @@ use tower_http::cors::{Any, CorsLayer};
 
 use super::{Shared, files, previews};
 use crate::job::Job;
-use crate::stage::formats::Formats;
 
 /// For copies that may be kept and are asked for again each time: a name may stand
 /// for another octree tomorrow.
@@ -77,13 +76,10 @@ pub(super) struct Made {
 
 impl Made {
     pub fn of(job: &Job) -> Made {
-        let report = job.result.as_ref();
-        let file = report.and_then(|report| report["copc"]["file"].as_str());
-        // Lists have reports and no options.
-        let formats = report.and_then(|report| report["options"].get("format"));
-        let formats = formats.cloned().map(serde_json::from_value::<Formats>);
-        let formats = formats.and_then(Result::ok).unwrap_or_default();
-        Made { octree: formats.potree, copc: file.map(str::to_string) }
+        let copc = job.result.as_ref().map(|report| &report["copc"]);
+        let file = copc.and_then(|copc| copc["file"].as_str()).map(str::to_string);
+        let alone = copc.is_some_and(|copc| copc["alone"] == true);
+        Made { octree: !alone, copc: file }
     }
 
     /// The file that a viewer is told of, as a part of an address.

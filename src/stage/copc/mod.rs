@@ -19,6 +19,8 @@ pub struct CopcFile {
     /// Its name in the folder of the octree.
     pub file: String,
     pub bytes: u64,
+    /// Whether no octree was made beside it.
+    pub alone: bool,
     pub nodes: u64,
     /// Level of the deepest node.
     pub depth: u32,

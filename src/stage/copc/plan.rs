@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::super::error::{Result, StageError};
 use super::super::options::Options;
-use super::super::output::Finished;
+use super::super::output::{Finished, OCTREE};
 use super::super::publish::Octree;
 use super::super::staging::within_a_name;
 use super::super::survey::Survey;
@@ -187,6 +187,7 @@ pub fn complete(plan: &CopcPlan, octree: &Octree, finished: &Finished) -> Result
     Ok(CopcFile {
         file: name.unwrap_or_default(),
         bytes: finished.end + tail.bytes.len() as u64,
+        alone: octree.files[OCTREE].is_none(),
         nodes: finished.nodes.len() as u64,
         depth: finished.nodes.iter().map(|node| u32::from(node.node.level)).max().unwrap_or(0),
         point_format: plan.layout.point_format(),

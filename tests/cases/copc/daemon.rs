@@ -18,7 +18,7 @@ fn a_copc_file_alone_is_served_counted_and_drawn() {
     fs::write(daemon.inbox().join("größe 1.las"), las(20_000, 1)).unwrap();
     let job = daemon.wait("größe 1", "done");
     assert_eq!(job["octree"].as_str(), None);
-    assert_eq!(job["result"]["options"]["format"], "copc");
+    assert_eq!(job["result"]["copc"]["alone"], true);
     let url = job["copc"].as_str().expect("an address");
     assert!(url.ends_with("/gr%C3%B6%C3%9Fe%201/gr%C3%B6%C3%9Fe%201.copc.laz"), "{url}");
     let folder = daemon.octree("größe 1");
