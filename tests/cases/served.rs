@@ -4,6 +4,7 @@ mod access;
 mod caching;
 mod connections;
 pub mod elsewhere;
+mod reload;
 mod shipped;
 
 /// A header of an answer's head; empty where it is not there.

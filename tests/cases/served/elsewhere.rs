@@ -7,6 +7,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::LazyLock;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
@@ -19,6 +20,10 @@ use super::header;
 const TOKEN: &str = "correct-horse-battery";
 const READER: &str = "only-for-the-eyes";
 
+/// What runs in the browser, and what drives it.
+const SCRIPTS: [&str; 6] =
+    ["package.json", "elsewhere.html", "elsewhere.mjs", "loaded.html", "loaded.mjs", "reload.mjs"];
+
 pub fn is_there(program: &str, variable: &str) -> bool {
     let there = Command::new(program).arg(if program == "nginx" { "-v" } else { "version" }).output().is_ok();
     let required = std::env::var(variable).is_ok_and(|value| value == "1");
@@ -30,23 +35,27 @@ pub fn is_there(program: &str, variable: &str) -> bool {
 }
 
 /// The folder with the viewer's page and its packages; none where it is not wanted.
-fn viewer() -> Option<PathBuf> {
-    if std::env::var("LODESTONE_VIEWER").is_ok_and(|value| value == "1")
-        && is_there("chromium", "LODESTONE_REQUIRE_CHROMIUM")
-    {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("elsewhere");
-        fs::create_dir_all(&folder).expect("made");
-        let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer");
-        for name in ["package.json", "elsewhere.html", "elsewhere.mjs"] {
-            fs::copy(scripts.join(name), folder.join(name)).expect("copied");
-        }
-        let npm = ["install", "--ignore-scripts", "--no-audit", "--no-fund"];
-        let installed = Command::new("npm").args(npm).current_dir(&folder).output().expect("npm");
-        assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
-        return Some(folder);
+pub fn viewer() -> Option<PathBuf> {
+    static FOLDER: LazyLock<Option<PathBuf>> = LazyLock::new(install);
+    FOLDER.clone()
+}
+
+fn install() -> Option<PathBuf> {
+    let is_wanted = std::env::var("LODESTONE_VIEWER").is_ok_and(|value| value == "1");
+    if !is_wanted || !is_there("chromium", "LODESTONE_REQUIRE_CHROMIUM") {
+        eprintln!("skipped: set LODESTONE_VIEWER=1 to draw octrees in Chromium");
+        return None;
     }
-    eprintln!("skipped: set LODESTONE_VIEWER=1 to draw octrees in Chromium");
-    None
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("elsewhere");
+    fs::create_dir_all(&folder).expect("made");
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer");
+    for name in SCRIPTS {
+        fs::copy(scripts.join(name), folder.join(name)).expect("copied");
+    }
+    let npm = ["install", "--ignore-scripts", "--no-audit", "--no-fund"];
+    let installed = Command::new("npm").args(npm).current_dir(&folder).output().expect("npm");
+    assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
+    Some(folder)
 }
 
 /// Ends its process when it goes.
@@ -60,13 +69,13 @@ impl Drop for Running {
 }
 
 /// Serves the viewer's page, and hands on what the page saw.
-struct Pages {
-    address: String,
+pub struct Pages {
+    pub address: String,
     seen: Receiver<Value>,
 }
 
 impl Pages {
-    fn serve(folder: PathBuf) -> Pages {
+    pub fn serve(folder: PathBuf) -> Pages {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address").to_string();
         let (to, seen) = channel();
