@@ -4,6 +4,7 @@
 mod clouds;
 mod files;
 mod fuzz;
+mod tiny;
 
 use std::io::Cursor;
 
