@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::names;
 use crate::config::sources::OnDone;
 use crate::disk::others::{self, Links};
 use crate::stage::options::Options;
@@ -15,6 +16,23 @@ pub const NAME: &str = "lodestone.json";
 
 /// No marker is longer; the file comes from anybody who may write to the inbox.
 const LONGEST: u64 = 64 << 10;
+
+/// Whether a file is meant for a marker and misses its name: other letters, another
+/// ending, or one more, which some systems hide.
+pub fn is_misnamed(name: &str) -> bool {
+    let lower = name.trim().to_lowercase();
+    let meant = lower.starts_with(NAME)
+        || matches!(lower.split_once('.'), Some(("lodestone", end)) if ENDINGS.contains(&end));
+    meant && name != NAME && !names::is_partial(name)
+}
+
+/// What `.json` becomes by mistake.
+const ENDINGS: [&str; 8] = ["jsn", "jso", "jsno", "jason", "json5", "jsonc", "yaml", "toml"];
+
+/// What is wrong with a misnamed marker.
+pub fn misnamed(name: &str) -> String {
+    format!("{name} is no {NAME}, but close to it: name it exactly so, in small letters")
+}
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -32,7 +50,13 @@ impl Marker {
     pub fn read(path: &Path) -> Result<Marker, String> {
         let text = others::read_file(path, Links::Refused, LONGEST)
             .map_err(|e| format!("{NAME} cannot be read: {e}"))?;
-        let marker: Marker = serde_json::from_slice(&text).map_err(|e| format!("{NAME} is wrong: {e}"))?;
+        // As editors on Windows begin a text.
+        let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&text);
+        // A list of nothing would be read as a marker that says nothing.
+        if text.iter().find(|byte| !byte.is_ascii_whitespace()).is_some_and(|byte| *byte != b'{') {
+            return Err(format!("{NAME} is wrong: it must be an object, such as {{}}"));
+        }
+        let marker: Marker = serde_json::from_slice(text).map_err(|e| format!("{NAME} is wrong: {e}"))?;
         marker.options_over(&Options::default())?;
         Ok(marker)
     }
@@ -70,6 +94,24 @@ mod tests {
     }
 
     #[test]
+    fn names_close_to_its_own_are_mistakes() {
+        for name in
+            ["Lodestone.json", "LODESTONE.JSON", "lodestone.json.txt", "lodestone.jsn", "lodestone.json "]
+        {
+            assert!(is_misnamed(name), "{name}");
+        }
+        for name in [NAME, "lodestone.las", "lodestone.txt", "lodestone.json.part", "tiles.json", "lodestone"]
+        {
+            assert!(!is_misnamed(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_mark_of_the_byte_order_is_skipped() {
+        assert_eq!(read("\u{feff}{\"priority\": 2}").map(|marker| marker.priority), Ok(2));
+    }
+
+    #[test]
     fn options_lie_over_those_of_the_daemon() {
         let marker = read(
             r#"{"name": "city", "priority": 5, "options": {"sampling": "random", "lod_color": "average"}}"#,
@@ -85,6 +127,10 @@ mod tests {
     fn mistakes_are_named() {
         for (text, word) in [
             ("", "wrong"),
+            ("[]", "object"),
+            (" [\"city\"]", "object"),
+            ("null", "object"),
+            ("7", "object"),
             (r#"{"nmae": "x"}"#, "nmae"),
             (r#"{"on_done": "burn"}"#, "burn"),
             (r#"{"options": {"samplng": "random"}}"#, "samplng"),

@@ -52,8 +52,11 @@ impl Scanned {
 
     /// Says of a file that it is not taken, and what to do with it.
     fn leave(&mut self, path: &Path, name: &str, in_folder: bool) {
-        let hidden = name.starts_with('.') || name == marker::NAME;
-        if !hidden
+        if name == marker::NAME {
+            let why =
+                "is not read here: a marker lies in the folder of its data set, beside or above its tiles";
+            self.refuse(path, Kind::NotTaken, why);
+        } else if !name.starts_with('.')
             && !names::is_partial(name)
             && let Some(advice) = foreign::advice(name, in_folder)
         {
@@ -208,12 +211,17 @@ fn walk(folder: &Path, depth: Depth, candidate: &mut Candidate, scanned: &mut Sc
             return;
         }
     };
+    let mut misnamed = None;
     for entry in entries {
         let path = folder.join(&entry.name);
         let Some(name) = utf8_name(&path, scanned) else { continue };
         let stamp = || stamp_of(&path, &entry.stat, depth.inodes);
         if depth.folders == 0 && name == marker::NAME {
             candidate.marker = Some(FoundMarker { read: Marker::read(&path), file: stamp() });
+            continue;
+        }
+        if depth.folders == 0 && entry.kind == FileType::RegularFile && marker::is_misnamed(&name) {
+            misnamed = Some(FoundMarker { read: Err(marker::misnamed(&name)), file: stamp() });
             continue;
         }
         if names::is_junk(&name) {
@@ -246,6 +254,8 @@ fn walk(folder: &Path, depth: Depth, candidate: &mut Candidate, scanned: &mut Sc
             other => refuse(&path, &name, no_file(other), scanned),
         }
     }
+    // Beside the right one it is a copy of it.
+    candidate.marker = candidate.marker.take().or(misnamed);
 }
 
 /// Why something that is neither file nor folder is not taken.

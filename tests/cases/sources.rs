@@ -325,6 +325,8 @@ fn a_wrong_marker_fails_and_says_why() {
         ("option", r#"{"options": {"samplng": "random"}}"#, "samplng"),
         ("value", r#"{"on_done": "burn"}"#, "burn"),
         ("long", &long, "70012"),
+        ("list", "[]", "object"),
+        ("empty", "", "wrong"),
     ];
     for (number, (name, text, _)) in wrong.iter().enumerate() {
         let files = [("a.las", las(100, number as u64)), ("lodestone.json", text.as_bytes().to_vec())];
@@ -337,6 +339,18 @@ fn a_wrong_marker_fails_and_says_why() {
         assert!(error.contains(word) && error.contains("lodestone.json"), "{name}: {error}");
         assert!(!daemon.octree(name).exists() && daemon.inbox().join(name).join("a.las").exists());
     }
+    // In its own name.
+    for (number, name) in ["Lodestone.json", "lodestone.json.txt", "lodestone.jsn"].iter().enumerate() {
+        let files = [("a.las", las(100, 100 + number as u64)), (*name, b"{}".to_vec())];
+        daemon.drop_folder(&format!("name {number}"), &files);
+        let job = daemon.wait(&format!("name {number}"), "failed");
+        assert!(job["error"].as_str().is_some_and(|error| error.contains(name)), "{job}");
+    }
+    // A copy of it beside the right one is none of its business.
+    let files =
+        [("a.las", las(100, 200)), ("lodestone.json", b"{}".to_vec()), ("Lodestone.json", b"{".to_vec())];
+    daemon.drop_folder("both", &files);
+    daemon.wait("both", "done");
     fs::write(daemon.inbox().join("typo/lodestone.json"), "{}").expect("mended");
     daemon.wait("typo", "done");
 }

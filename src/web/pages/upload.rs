@@ -75,7 +75,8 @@ fn failed(error: &DiskError) -> Refusal {
 fn path_of(name: &str) -> Option<PathBuf> {
     let parts: Vec<&str> = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | "..")).collect();
     let (file, folders) = parts.split_last()?;
-    let is_marker = *file == marker::NAME && !folders.is_empty();
+    // One with a mistake in its name comes too, so that the data set's job says so.
+    let is_marker = (*file == marker::NAME || marker::is_misnamed(file)) && !folders.is_empty();
     if (!names::is_cloud(file) && !is_marker) || folders.len() > DEEPEST {
         return None;
     }
