@@ -225,7 +225,8 @@ impl Watching {
         for copy in copies {
             if copy.path.symlink_metadata().is_ok() {
                 let why = format!(
-                    "holds the same as {}, which job {} stands for; it is not converted twice, and stays",
+                    "holds the same as {}, which job {} stands for; it is not converted twice, and stays until \
+                     you remove it",
                     copy.name, copy.job
                 );
                 let waiting = Waiting::new(&copy.path, Kind::Copy, why).since(copy.since);

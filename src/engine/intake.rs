@@ -52,7 +52,7 @@ pub async fn take_in(
             tracing::info!(job, path = %path.display(), "queued again, for its source was written again");
         }
         Admission::Known(job) => {
-            tracing::info!(job, path = %path.display(), "its content is known; not converted twice");
+            tracing::info!(job, path = %path.display(), "its content is known; not converted twice: that job's octree is this one's too, and this copy may go");
             // Dropped once more, it is put away once more.
             store.owe_sources_again(*job, &path.to_string_lossy(), wish).await?;
         }

@@ -279,7 +279,10 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
     // Should its own source be gone, the engine sees now that this one is there.
     sqlx::query("UPDATE job SET hold = NULL WHERE id = ?").bind(job).execute(&mut **tx).await?;
     let path = arrival.path.to_string_lossy();
-    note(tx, job, now, "same content", Some(&format!("also dropped as {path}; not converted twice"))).await
+    let told = format!(
+        "also dropped as {path}; not converted twice, this octree is that one's too; the copy may go"
+    );
+    note(tx, job, now, "same content", Some(&told)).await
 }
 
 async fn release(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
