@@ -244,10 +244,9 @@ impl Octree {
         std::array::from_fn(|axis| corner[axis] * self.unit[axis])
     }
 
-    /// The least spacing of a level along any axis.
-    pub fn least_spacing(&self, level: u8) -> f64 {
-        let unit = self.unit.iter().copied().fold(f64::INFINITY, f64::min);
-        self.metadata.spacing * unit / 2f64.powi(i32::from(level))
+    /// Whether all axes count the same, so that a node's cube is a cube in the picture.
+    pub fn has_cubes(&self) -> bool {
+        self.unit.iter().all(|unit| *unit == self.unit[0])
     }
 
     /// The greatest spacing of a level along any axis, as positions count.

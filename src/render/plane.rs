@@ -10,8 +10,11 @@ pub struct Plane {
     pub elevation: f64,
 }
 
-/// A plane is at most this thick, as a share of how wide it is across.
+/// A level plane is at most this thick, as a share of how wide it is across: country is
+/// seen from an aeroplane.
 const THIN: f64 = 0.005;
+/// Any other one has the noise of its scanner, or tiles.
+const ROUGH: f64 = 0.03;
 /// How far the view is turned out of the plane's normal, so that it has depth.
 const TURN: f64 = 0.3;
 /// As steep as one looks down at all.
@@ -22,7 +25,7 @@ pub fn facing(points: &[[f64; 3]]) -> Option<Plane> {
     let (values, axes) = principal(points)?;
     let [long, across, thin] = values.map(|value| value.max(0.0).sqrt());
     // A line has no face.
-    if across <= 0.01 * long || thin > THIN * across {
+    if across <= 0.01 * long || thin > ROUGH * across {
         return None;
     }
     let normal = axes[2];
@@ -31,6 +34,9 @@ pub fn facing(points: &[[f64; 3]]) -> Option<Plane> {
     let away = if upright { normal[1] > 0.0 } else { normal[2] < 0.0 };
     let normal = if away { normal.map(|c| -c) } else { normal };
     let slope = normal[2].clamp(-1.0, 1.0).asin();
+    if slope > STEEPEST && thin > THIN * across {
+        return None;
+    }
     if slope > STEEPEST {
         // As good as level: its length lies across the picture.
         let mut azimuth = axes[0][1].atan2(axes[0][0]) + FRAC_PI_2;
@@ -107,16 +113,32 @@ mod tests {
             .collect()
     }
 
-    /// The cosine of the angle between the view and the plane's normal.
-    fn faced(a: [f64; 3], b: [f64; 3]) -> f64 {
-        let Plane { azimuth, elevation } = facing(&plane(a, b)).expect("a plane");
-        let view = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+    /// A plane as a scanner sees it, with noise along its normal.
+    fn rough(a: [f64; 3], b: [f64; 3], noise: f64) -> Vec<[f64; 3]> {
+        let mut points = plane(a, b);
+        let normal = across(a, b);
+        points.iter_mut().zip(0u64..).for_each(|(point, n)| {
+            let off = ((n * 7919 % 1009) as f64 / 1009.0 - 0.5) * noise;
+            (0..3).for_each(|i| point[i] += normal[i] * off);
+        });
+        points
+    }
+
+    /// The unit vector across two directions.
+    fn across(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
         let normal: [f64; 3] = std::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             a[j] * b[k] - a[k] * b[j]
         });
-        let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-        (0..3).map(|i| view[i] * normal[i]).sum::<f64>().abs() / length(normal)
+        let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+        normal.map(|c| c / length)
+    }
+
+    /// The cosine of the angle between the view and the plane's normal.
+    fn faced(a: [f64; 3], b: [f64; 3], noise: f64) -> f64 {
+        let Plane { azimuth, elevation } = facing(&rough(a, b, noise)).expect("a plane");
+        let view = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+        (0..3).map(|i| view[i] * across(a, b)[i]).sum::<f64>().abs()
     }
 
     #[test]
@@ -129,8 +151,18 @@ mod tests {
             ([100.0, 0.0, 120.0], [0.0, 100.0, 80.0]),
             ([100.0, 0.0, 0.0], [0.0, 100.0, -120.0]),
         ] {
-            assert!(faced(a, b) > 0.8, "{a:?} {b:?}: {}", faced(a, b));
+            assert!(faced(a, b, 0.0) > 0.8, "{a:?} {b:?}: {}", faced(a, b, 0.0));
         }
+        // Roofs and walls with some centimeters of noise, whichever way they look.
+        for (a, b) in [
+            ([10.0, 0.0, 0.0], [0.0, 9.2, -3.9]),
+            ([0.0, 10.0, 0.0], [8.7, 0.0, -5.0]),
+            ([10.0, 0.0, 0.0], [0.0, 3.4, -9.4]),
+            ([7.0, 7.0, 0.0], [0.0, 0.0, 3.0]),
+        ] {
+            assert!(faced(a, b, 0.2) > 0.8, "{a:?} {b:?}: {}", faced(a, b, 0.2));
+        }
+        assert_eq!(facing(&rough([100.0, 0.0, 0.0], [0.0, 100.0, 0.0], 4.0)), None, "flat country");
     }
 
     #[test]

@@ -1,18 +1,16 @@
 //! A first look at a cloud: the points of its coarsest nodes, some ten
 //! thousand, from which framing and colours are decided.
 
-use std::collections::VecDeque;
-
 use super::error::{RenderError, Result};
 use super::lone::without_lone;
 use super::octree::Octree;
-use crate::format::potree::NodeName;
+use crate::format::potree::{Node, NodeName};
 
 /// Points that are enough of a look, and nodes that are enough of a search.
 const ENOUGH_POINTS: usize = 20_000;
 const ENOUGH_NODES: usize = 512;
-/// Positions taken of one node at most, about.
-const MOST_POSITIONS: usize = 1_000_000;
+/// Points of a node that are looked at, however many nodes its level has.
+const LEAST_POINTS: usize = 64;
 
 /// The points of the coarsest nodes.
 pub struct Sample {
@@ -31,32 +29,44 @@ impl Sample {
         let record_size = octree.schema.record_size();
         let mut sample =
             Sample { positions: Vec::new(), together: Vec::new(), nodes: Vec::new(), record_size };
-        let mut waiting = VecDeque::from([NodeName::ROOT]);
+        let mut level = vec![NodeName::ROOT];
         let mut seen = 0;
-        while let Some(name) = waiting.pop_front() {
-            if sample.positions.len() >= ENOUGH_POINTS || seen >= ENOUGH_NODES {
-                break;
+        // Level by level: half of one would be a look at one side of the cloud.
+        while !level.is_empty() && sample.positions.len() < ENOUGH_POINTS && seen < ENOUGH_NODES {
+            let share = (ENOUGH_POINTS / level.len()).max(LEAST_POINTS);
+            let stride = level.len().div_ceil(ENOUGH_NODES - seen);
+            let mut below = Vec::new();
+            for name in level.into_iter().step_by(stride) {
+                seen += 1;
+                let Some(node) = octree.node(name)? else { continue };
+                sample.look_at(octree, &node, share)?;
+                below.extend((0..8).filter(|d| node.child_mask >> d & 1 == 1).filter_map(|d| name.child(d)));
             }
-            seen += 1;
-            let Some(node) = octree.node(name)? else { continue };
-            let take =
-                if octree.has_prefixes() { node.points.min(ENOUGH_POINTS as u32) } else { node.points };
-            if take > 0 {
-                let records = octree.records(&node, take)?;
-                // Of a node far larger than any sample, some points are as good as all.
-                let step = (records.len() / record_size / MOST_POSITIONS).max(1);
-                let looked_at = records.chunks_exact(record_size).step_by(step);
-                let positions = looked_at.map(|record| octree.position(record));
-                sample.positions.extend(positions.filter(|p| p.iter().all(|c| c.is_finite())));
-                sample.nodes.push(records);
-            }
-            waiting.extend((0..8).filter(|d| node.child_mask >> d & 1 == 1).filter_map(|d| name.child(d)));
+            level = below;
         }
         sample.together = without_lone(&sample.positions);
         match sample.positions.is_empty() {
             true => Err(RenderError::NotFinite { folder: octree.folder.clone() }),
             false => Ok(sample),
         }
+    }
+
+    /// Adds about as many of a node's points as are asked for, evenly spread.
+    fn look_at(&mut self, octree: &Octree, node: &Node, points: usize) -> Result<()> {
+        let take = if octree.has_prefixes() { node.points.min(points as u32) } else { node.points };
+        if take == 0 {
+            return Ok(());
+        }
+        let all = octree.records(node, take)?;
+        let step = (all.len() / self.record_size).div_ceil(points).max(1);
+        let records: Vec<u8> = match step {
+            1 => all,
+            step => all.chunks_exact(self.record_size).step_by(step).flatten().copied().collect(),
+        };
+        let positions = records.chunks_exact(self.record_size).map(|record| octree.position(record));
+        self.positions.extend(positions.filter(|p| p.iter().all(|c| c.is_finite())));
+        self.nodes.push(records);
+        Ok(())
     }
 
     pub fn records(&self) -> impl Iterator<Item = &[u8]> {

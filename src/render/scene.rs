@@ -14,7 +14,8 @@ use super::colour::Painter;
 use super::error::Result;
 use super::frame::{Splat, radius_code};
 use super::octree::Octree;
-use super::select::{Chosen, POISSON_DENSITY};
+use super::select::{Chosen, POISSON_DENSITY, bounds_of_points};
+use crate::format::potree::NodeName;
 
 /// A disc of this many spacings around each point leaves hardly a gap between
 /// points of a Poisson-disk set.
@@ -26,6 +27,9 @@ const CELLS: usize = 8;
 const SCATTERED: f64 = 1.5;
 /// Cells that a surface through a node occupies at most, about.
 const SURFACE: usize = 3 * CELLS * CELLS;
+
+/// Strays are drawn at most as if they were so many times as far apart as most points.
+const STRAY: f64 = 2.0;
 
 /// What is drawn, in memory.
 pub struct Scene {
@@ -63,9 +67,10 @@ impl Scene {
         centre: [f64; 3],
         top: f64,
     ) -> Result<Scene> {
+        let room = Room { octree, tight: bounds_of_points(octree) };
         let parts: Vec<(Vec<Splat>, Vec<u32>, Vec<u16>)> = (0..chosen.len() as u32)
             .into_par_iter()
-            .map(|place| load_node(octree, chosen, place, painter, centre, top))
+            .map(|place| load_node(&room, chosen, place, painter, centre, top))
             .collect::<Result<_>>()?;
         let mut regions = vec![Region { points: 0, occupied: [0; CELLS] }; chosen.len()];
         for (_, places, cells) in &parts {
@@ -76,13 +81,11 @@ impl Scene {
             }
         }
         // No splat is larger than a leaf of a cloud of a few points asks for.
-        let largest = octree.least_spacing(0) * 32.0;
+        let largest = room.spacing(NodeName::ROOT) * 32.0;
         let all: u64 = regions.iter().map(|region| u64::from(region.points)).sum();
-        let codes: Vec<u8> = chosen
-            .iter()
-            .zip(&regions)
-            .map(|(chosen, region)| radius_code(COVER * spacing(octree, chosen, region, all), largest))
-            .collect();
+        let spacings = spacings(&room, chosen, &regions, all);
+        let codes: Vec<u8> =
+            spacings.into_iter().map(|spacing| radius_code(COVER * spacing, largest)).collect();
         let mut splats = Vec::with_capacity(parts.iter().map(|part| part.0.len()).sum());
         for (part, places, _) in parts {
             let sized = part.into_iter().zip(places).map(|(mut splat, place)| {
@@ -100,7 +103,7 @@ impl Scene {
 
 /// The splats of a node, the region of each, and its cell there.
 fn load_node(
-    octree: &Octree,
+    room: &Room,
     chosen: &[Chosen],
     place: u32,
     painter: &Painter,
@@ -111,6 +114,7 @@ fn load_node(
     if *take == 0 {
         return Ok(Default::default());
     }
+    let octree = room.octree;
     let records = octree.records(node, *take)?;
     let record_size = octree.schema.record_size();
     let root = octree.cube(node.name);
@@ -126,7 +130,7 @@ fn load_node(
             position: std::array::from_fn(|i| (position[i] - centre[i]) as f32),
             paint: r | g << 8 | b << 16,
         });
-        let (place, cell) = region_of(chosen, place, root, position);
+        let (place, cell) = region_of(room, chosen, place, root, position);
         places.push(place);
         cells.push(cell);
     }
@@ -136,6 +140,7 @@ fn load_node(
 /// The deepest drawn node that holds a point, down from one that does, and the
 /// cell of that node's 8³.
 fn region_of(
+    room: &Room,
     chosen: &[Chosen],
     mut place: u32,
     cube: ([f64; 3], [f64; 3]),
@@ -150,29 +155,97 @@ fn region_of(
         (0..3).filter(|&i| upper[i]).for_each(|i| corner[i] += half[i]);
         (place, sides) = (child, half);
     }
+    let (corner, side) = room.within(corner, sides);
     let cell: [u16; 3] = std::array::from_fn(|i| {
-        (((position[i] - corner[i]) * (CELLS as f64 / sides[i])) as u16).min(CELLS as u16 - 1)
+        (((position[i] - corner[i]) * (CELLS as f64 / side)) as u16).min(CELLS as u16 - 1)
     });
     (place, cell[0] << 6 | cell[1] << 3 | cell[2])
 }
 
-/// How far apart the points of a region are, in world units: a surface that
-/// passes through so many cells and holds so many points.
-fn spacing(octree: &Octree, chosen: &Chosen, region: &Region, all: u64) -> f64 {
-    let level = octree.least_spacing(chosen.node.name.level());
-    if region.points == 0 {
-        return level;
+/// Where in an octree there can be points.
+struct Room<'o> {
+    octree: &'o Octree,
+    /// The box of all points.
+    tight: [[f64; 3]; 2],
+}
+
+impl Room<'_> {
+    /// The cube within a node's space in which its points are counted: all of it; where
+    /// axes have other units, that space is as wide as a country and as high as a house,
+    /// and so the cube is around what the cloud takes of it.
+    fn within(&self, corner: [f64; 3], sides: [f64; 3]) -> ([f64; 3], f64) {
+        if self.octree.has_cubes() {
+            return (corner, sides[0]);
+        }
+        let [low, high] = self.tight;
+        let from: [f64; 3] = std::array::from_fn(|i| corner[i].max(low[i]));
+        let reach = (0..3).map(|i| (corner[i] + sides[i]).min(high[i]) - from[i]).fold(0.0, f64::max);
+        // Of points in one place there is nothing to count.
+        (from, if reach > 0.0 { reach } else { sides[2] })
     }
-    let cell = octree.cube(chosen.node.name).1.into_iter().fold(f64::INFINITY, f64::min) / CELLS as f64;
+
+    fn of(&self, name: NodeName) -> ([f64; 3], f64) {
+        let (corner, sides) = self.octree.cube(name);
+        self.within(corner, sides)
+    }
+
+    /// How far apart the points of a node are at least, where all axes count the same;
+    /// else about as far as they would be.
+    fn spacing(&self, name: NodeName) -> f64 {
+        match self.octree.has_cubes() {
+            true => self.octree.spacing(name.level()),
+            false => self.of(name).1 / 128.0,
+        }
+    }
+}
+
+/// How far apart the points of each region are, in world units.
+fn spacings(room: &Room, chosen: &[Chosen], regions: &[Region], all: u64) -> Vec<f64> {
+    let mut spacings = Vec::with_capacity(regions.len());
+    let mut usual = Vec::new();
+    let mut stray = Vec::new();
+    for (place, (chosen, region)) in chosen.iter().zip(regions).enumerate() {
+        let (apart, is_stray) = spacing(room, chosen, region, all);
+        match is_stray {
+            true => stray.push(place),
+            false => usual.push((apart, u64::from(region.points))),
+        }
+        spacings.push(apart);
+    }
+    // A cube that noise has made large says nothing of how large noise is to be drawn:
+    // about as large as most points.
+    usual.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = usual.iter().map(|(_, points)| points).sum::<u64>() / 2;
+    let mut points = 0;
+    let middle = usual.iter().find(|(_, count)| {
+        points += count;
+        points > half
+    });
+    if let Some((middle, _)) = middle {
+        stray.into_iter().for_each(|place| spacings[place] = spacings[place].min(STRAY * middle));
+    }
+    spacings
+}
+
+/// How far apart the points of a region are, in world units, by a surface that passes
+/// through so many cells and holds so many points; and whether they are strays, of which
+/// that says nothing.
+fn spacing(room: &Room, chosen: &Chosen, region: &Region, all: u64) -> (f64, bool) {
+    let level = room.spacing(chosen.node.name);
+    if region.points == 0 {
+        return (level, false);
+    }
+    let cell = room.of(chosen.node.name).1 / CELLS as f64;
     let occupied: u32 = region.occupied.iter().map(|bits| bits.count_ones()).sum();
     let density = f64::from(region.points) / f64::from(occupied);
     let apart = cell * (POISSON_DENSITY / density).sqrt();
     // A few points in a large node are stragglers, not a surface of big splats. So are
     // those of which each has a cell to itself: noise, unless it is most of the cloud.
     let is_scattered = density < SCATTERED || occupied as usize > SURFACE && density < 2.0 * SCATTERED;
-    let trusted = match is_scattered && u64::from(region.points) * 20 < all {
+    let is_stray = is_scattered && u64::from(region.points) * 20 < all;
+    let trusted = match is_stray {
         true => 1.0,
         false => 2.0 + f64::from(region.points.min(480)) / 16.0,
     };
-    apart.clamp(level / 16.0, level * trusted.min(CELLS as f64 * 2.0))
+    (apart.clamp(level / 16.0, level * trusted.min(CELLS as f64 * 2.0)), is_stray)
 }

@@ -159,14 +159,16 @@ fn pixels_a_unit(
 }
 
 /// The box of the points as the metadata gives it, within the root's cube.
-fn bounds_of_points(octree: &Octree) -> [[f64; 3]; 2] {
+pub fn bounds_of_points(octree: &Octree) -> [[f64; 3]; 2] {
     let root = &octree.metadata.bounding_box;
     let stated = octree.metadata.attributes.first().filter(|a| a.min.len() == 3 && a.max.len() == 3);
     let whole = [octree.world(root.min), octree.world(root.max)];
     let Some(position) = stated else { return whole };
-    let margin = octree.metadata.spacing / 128.0;
-    let low: [f64; 3] = std::array::from_fn(|i| (position.min[i] - margin).max(root.min[i]));
-    let high: [f64; 3] = std::array::from_fn(|i| (position.max[i] + margin).min(root.max[i]));
+    // Bounds of others are rounded; of degrees the spacing may be more than the cloud.
+    let (metadata, reach) = (&octree.metadata, |i: usize| position.max[i] - position.min[i]);
+    let margin = |i: usize| (metadata.spacing.min(reach(i)) / 128.0).max(metadata.scale[i].abs());
+    let low: [f64; 3] = std::array::from_fn(|i| (position.min[i] - margin(i)).max(root.min[i]));
+    let high: [f64; 3] = std::array::from_fn(|i| (position.max[i] + margin(i)).min(root.max[i]));
     match (0..3).all(|i| low[i] <= high[i]) {
         true => [octree.world(low), octree.world(high)],
         false => whole,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use lodestone::format::las::{LasOptions, Vlr};
 use lodestone::render::colour::ColorBy;
 use lodestone::render::frame::{Background, Picture};
 use lodestone::render::framing::View;
@@ -228,5 +229,60 @@ fn a_lone_plane_fills_its_frame() {
         // Over a corner it is a rhombus that stands on its tip.
         assert!(share > 0.18, "{what}: {share}");
         assert!(pixels.iter().any(|p| p[..3].iter().any(|c| *c > 90)), "{what} is dark");
+    }
+}
+
+/// A field of 2 by 1 kilometers with hills, at a place given in degrees.
+fn in_degrees(folder: &Path, points: u64, [longitude, latitude]: [f64; 2]) -> PathBuf {
+    let wkt = "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],\
+               PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]]";
+    let mut records = Vec::new();
+    for n in 0..points {
+        let dice = mix(n);
+        let (x, y) = ((dice % 100_003) as f64 / 100_003.0, ((dice >> 32) % 100_003) as f64 / 100_003.0);
+        let z = 40.0 * (x * 13.0).sin() * (y * 7.0).cos();
+        let east = 2000.0 * (x - 0.5) / (111_320.0 * latitude.to_radians().cos());
+        let north = 1000.0 * (y - 0.5) / 111_132.0;
+        for (at, scale) in [(east, 1e-7), (north, 1e-7), (z, 0.01)] {
+            records.extend_from_slice(&((at / scale).round() as i32).to_le_bytes());
+        }
+        records.extend_from_slice(&[0, 0, 0b1001, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    }
+    let file = folder.join("degrees.las");
+    let options = LasOptions {
+        scale: [1e-7, 1e-7, 0.01],
+        offset: [longitude, latitude, 200.0],
+        crs: vec![Vlr::wkt(wkt)],
+        ..options_of(2, false)
+    };
+    write_las(&file, &options, &records);
+    let octree = folder.join("octree");
+    let options = Options { outliers: Mode::Keep, ..Options::default() };
+    common::convert(&[file], &octree, &options).expect("converted");
+    octree
+}
+
+#[test]
+fn degrees_are_drawn_in_meters() {
+    // From the equator, where a degree is as wide as high, to where it is a quarter.
+    for (points, place) in [(3_000, [-94.67, 31.04]), (60_000, [11.5, 0.2]), (30_000, [25.7, 75.0])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let octree = in_degrees(folder.path(), points, place);
+        let mut studio = Studio::open(&octree, ColorBy::Auto, Choice::Cpu).expect("opened");
+        let quality = Quality { background: Background::Transparent, ..Quality::default() };
+        let (picture, _) = studio.still([200, 200], View::Top, &quality).expect("drawn");
+        let covered = |x: usize, y: usize| picture.pixels[y * 200 + x][3] > 0;
+        let columns = (0..200).filter(|x| (0..200).any(|y| covered(*x, y))).count();
+        let rows = (0..200).filter(|y| (0..200).any(|x| covered(x, *y))).count();
+        let aspect = columns as f64 / rows as f64;
+        assert!((aspect - 2.0).abs() < 0.1, "{place:?}: {columns} by {rows}");
+        // A surface without gaps, and none of it beyond the frame.
+        let solid = solid(&picture).len() as f64 / (columns * rows) as f64;
+        assert!(columns < 199 && columns > 160 && solid > 0.7, "{place:?}: {columns}, {solid}");
+        let (overview, _) = studio.still([200, 200], View::Overview, &quality).expect("drawn");
+        let rim = (0..200).filter(|i| {
+            [i * 200, i * 200 + 199, *i, 199 * 200 + i].iter().any(|at| overview.pixels[*at][3] > 0)
+        });
+        assert_eq!(rim.count(), 0, "{place:?} is cut off");
     }
 }
