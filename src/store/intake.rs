@@ -278,10 +278,7 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
     }
     // Should its own source be gone, the engine sees now that this one is there.
     sqlx::query("UPDATE job SET hold = NULL WHERE id = ?").bind(job).execute(&mut **tx).await?;
-    let path = arrival.path.to_string_lossy();
-    let told = format!(
-        "also dropped as {path}; not converted twice, this octree is that one's too; the copy may go"
-    );
+    let told = format!("also dropped as {}; not converted twice, that copy may go", arrival.path.display());
     note(tx, job, now, "same content", Some(&told)).await
 }
 

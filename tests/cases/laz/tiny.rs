@@ -67,8 +67,11 @@ fn processor() -> f64 {
     told.split(' ').next().and_then(|n| n.parse::<f64>().ok()).expect("nanoseconds") / 1e9
 }
 
-/// LASzip and `laz`, its twin in Rust, make all models of a chunk anew: 13 microseconds of
-/// processor a point of format 3 in LASzip. A whole conversion has five times that.
+/// How many times as much processor time as LASzip `laz` takes for such chunks: 233
+/// microseconds a point against 13. Both make all models of a chunk anew.
+const SLOWER: f64 = 18.0;
+
+/// A whole conversion has five times what LASzip takes to decode.
 #[test]
 fn tiny_chunks_cost_as_little_as_elsewhere() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -84,5 +87,5 @@ fn tiny_chunks_cost_as_little_as_elsewhere() {
     let ours = process::run(convert.arg(folder.path().join("octree")).arg(&input)).expect("converted");
     let ours = ours.cpu / POINTS as f64;
     eprintln!("chunks of ten: {:.2} microseconds a point, laz {:.2} to decode", ours * 1e6, usual * 1e6);
-    assert!(ours <= 5.0 * usual, "{ours} seconds a point, {usual} to decode it with laz");
+    assert!(ours <= 5.0 * usual / SLOWER, "{ours} seconds a point, {usual} to decode it with laz");
 }
