@@ -12,6 +12,7 @@ use super::{crs, frame, overview, parts, words};
 use crate::clock::Millis;
 use crate::job::State;
 use crate::store::{Listing, Page, Place, Reason, Shown, Sort};
+use crate::words::{Lines, is_invisible};
 
 /// Jobs on a page.
 const JOBS: i64 = 50;
@@ -34,7 +35,9 @@ pub(super) struct Asked {
 
 impl Asked {
     pub fn listing(&self) -> Listing {
-        let search = self.q.as_deref().unwrap_or("").trim();
+        // Names hold nothing invisible, see `watch::names`.
+        let search = self.q.as_deref().unwrap_or("").replace(is_invisible, "");
+        let search = search.trim();
         let end = (0..=search.len().min(LONGEST_SEARCH)).rev().find(|end| search.is_char_boundary(*end));
         let order = self.sort.as_deref().unwrap_or("");
         let name = order.strip_suffix(UP).unwrap_or(order);
@@ -314,7 +317,7 @@ fn row(base: &str, view: &JobView, now: Millis) -> Markup {
                 (parts::badge(view))
                 @if let Some(reading) = &view.progress { (parts::progress(job.id, reading)) }
                 @if let Some(note) = parts::note(view, now) {
-                    p.note title=(note) { (parts::text(&parts::without_folders(view, &note))) }
+                    p.note title=(Lines(&note)) { (parts::text(&parts::without_folders(view, &note))) }
                 }
             }
             td.num data-label="points" { (parts::points(view)) }
