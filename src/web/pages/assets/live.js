@@ -6,6 +6,8 @@ const base = document.body.dataset.base;
 // Pages are not fetched more often, in milliseconds; while much happens, less often.
 const PAUSE = 1500;
 const LONGEST_PAUSE = 6000;
+// How long it is said what came of an order.
+const SAID = 10_000;
 // Where no stream is to be had.
 const POLL = 5000;
 
@@ -35,9 +37,11 @@ export function live({ enhance, ended, stays }) {
       if (answer.ok) {
         const page = new DOMParser().parseFromString(await answer.text(), 'text/html');
         const fresh = page.querySelector('main');
-        // What came of an order is said once.
-        for (const said of fresh.querySelectorAll(':scope > p.banner.good')) said.remove();
-        for (const said of document.querySelectorAll('main > p.banner.good')) said.remove();
+        // What came of an order is said once, for as long as it takes to be read: the
+        // order itself is news, which come at once.
+        if (performance.now() > SAID) {
+          for (const said of fresh.querySelectorAll(':scope > p.banner.good')) said.remove();
+        }
         sync(document.querySelector('main'), fresh);
         enhance();
       }
