@@ -214,27 +214,30 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
 /// unless this data set has an octree of its own, which would go on showing what
 /// the source no longer holds: then the content is its own.
 async fn own_content(tx: &mut Tx, data_set: &DataSet, moves_on: bool, arrival: &Arrival) -> Result<Arrival> {
-    if moves_on {
-        return Ok(arrival.clone());
+    let mut arrival = arrival.clone();
+    if !moves_on && let Some(key) = own_key(tx, data_set.id, &data_set.name, &arrival.content_key).await? {
+        arrival.content_key = key;
     }
+    Ok(arrival)
+}
+
+/// The key of a content that is a data set's own, where another data set's octree
+/// holds it and this one's an older content.
+pub(super) async fn own_key(tx: &mut Tx, data_set: i64, name: &str, key: &str) -> Result<Option<String>> {
     let row = sqlx::query(
         "SELECT EXISTS (SELECT 1 FROM job WHERE data_set = ?1 AND state = 'done' AND superseded_by IS NULL) \
          AND EXISTS (SELECT 1 FROM job WHERE content_key = ?2 AND data_set <> ?1 \
          AND (state IN ('queued', 'running', 'paused') OR (state = 'done' AND superseded_by IS NULL))) AS own",
     )
-    .bind(data_set.id)
-    .bind(&arrival.content_key)
+    .bind(data_set)
+    .bind(key)
     .fetch_one(&mut **tx)
     .await?;
-    let mut arrival = arrival.clone();
-    if row.try_get::<bool, _>("own")? {
-        arrival.content_key = format!("{} as {}", arrival.content_key, data_set.name);
-    }
-    Ok(arrival)
+    Ok(row.try_get::<bool, _>("own")?.then(|| format!("{key} as {name}")))
 }
 
 /// A job that converts this content now, or whose octree stands.
-async fn find_standing(tx: &mut Tx, content_key: &str) -> Result<Option<JobId>> {
+pub(super) async fn find_standing(tx: &mut Tx, content_key: &str) -> Result<Option<JobId>> {
     let row = sqlx::query(
         "SELECT id FROM job WHERE content_key = ? AND (state IN ('queued', 'running', 'paused') \
          OR (state = 'done' AND superseded_by IS NULL))",

@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 
 use sqlx::{Row, Sqlite, Transaction};
 
+use super::intake::{find_standing, own_key};
 use super::{LONGEST_HISTORY, Result, Store, StoreError, note, previews, row, sharing, step};
 use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
 use crate::job::{Event, Job, JobId, State, Wish};
@@ -248,7 +249,7 @@ pub(super) async fn order_within(tx: &mut Tx, job: JobId, event: Event, now: i64
         return Ok(State::Running);
     }
     if state == State::Queued {
-        refuse_twin(tx, &before, event).await?;
+        part_from_twin(tx, &before, event).await?;
     }
     let tally = tally_of(&before);
     let tally = match event {
@@ -272,24 +273,29 @@ pub(super) async fn order_within(tx: &mut Tx, job: JobId, event: Event, now: i64
     Ok(state)
 }
 
-/// Two jobs of one content must not be open side by side.
-async fn refuse_twin(tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
-    let twin = sqlx::query(
-        "SELECT id FROM job WHERE content_key = ? AND id <> ? AND (state IN ('queued', 'running', 'paused') \
-         OR (state = 'done' AND superseded_by IS NULL))",
-    )
-    .bind(&job.content_key)
-    .bind(job.id)
-    .fetch_optional(&mut **tx)
-    .await?;
-    match twin {
-        Some(_) => Err(StoreError::Illegal {
-            job: job.id,
-            state: "the twin of a job that has the same content",
-            asked: event.name(),
-        }),
-        None => Ok(()),
+/// Two jobs of one content must not be open side by side: where another data set's
+/// job stands for it, this one makes its data set's own octree new, or is refused.
+async fn part_from_twin(tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
+    let is_other = |found: Option<JobId>| found.is_some_and(|found| found != job.id);
+    if !is_other(find_standing(tx, &job.content_key).await?) {
+        return Ok(());
     }
+    let row = sqlx::query("SELECT data_set FROM job WHERE id = ?").bind(job.id).fetch_one(&mut **tx).await?;
+    if let Some(key) = own_key(tx, row.try_get("data_set")?, &job.name, &job.content_key).await?
+        && !is_other(find_standing(tx, &key).await?)
+    {
+        sqlx::query("UPDATE job SET content_key = ? WHERE id = ?")
+            .bind(key)
+            .bind(job.id)
+            .execute(&mut **tx)
+            .await?;
+        return Ok(());
+    }
+    Err(StoreError::Illegal {
+        job: job.id,
+        state: "the twin of a job that has the same content",
+        asked: event.name(),
+    })
 }
 
 async fn find(tx: &mut Tx, job: JobId) -> Result<Option<Job>> {

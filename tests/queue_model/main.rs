@@ -4,8 +4,9 @@
 //! the middle of it. After each step the laws of the queue are held against what
 //! is there ([`laws`]).
 //!
-//! `LODESTONE_HISTORIES=5000` tries that many instead of a few hundred;
-//! `LODESTONE_HISTORY=<seed>` one of them, step by step.
+//! `LODESTONE_HISTORIES=5000` tries that many instead of a few hundred, and
+//! `LODESTONE_HISTORIES=1000..2000` those of these seeds; `LODESTONE_HISTORY=<seed>`
+//! one of them, step by step.
 
 #[path = "../daemon_support/mod.rs"]
 mod daemon_support;
@@ -19,6 +20,7 @@ mod laws;
 mod steps;
 mod world;
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -61,26 +63,27 @@ fn shortest(seed: u64) -> String {
 
 #[test]
 fn no_history_breaks_a_law() {
-    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
+    let variable = |name: &str| std::env::var(name).ok();
     quiet_panics();
-    if let Some(seed) = number("LODESTONE_HISTORY") {
+    if let Some(seed) = variable("LODESTONE_HISTORY") {
+        let seed = seed.parse().expect("a number");
         let mut trace = vec![];
         let result = history(seed, length(seed), &mut trace);
         eprintln!("{}", trace.join("\n"));
         result.expect("the laws hold");
         return;
     }
-    let histories = number("LODESTONE_HISTORIES").unwrap_or(200);
-    let (next, start) = (AtomicU64::new(0), Instant::now());
+    let seeds = variable("LODESTONE_HISTORIES").map_or(0..200, |text| seeds(&text));
+    let (next, start) = (AtomicU64::new(seeds.start), Instant::now());
     let broken = std::thread::scope(|scope| {
         let work = || {
             loop {
                 let seed = next.fetch_add(1, Ordering::SeqCst);
-                if seed >= histories {
+                if seed >= seeds.end {
                     return None;
                 }
                 if let Err(broken) = history(seed, length(seed), &mut vec![]) {
-                    next.store(histories, Ordering::SeqCst);
+                    next.store(seeds.end, Ordering::SeqCst);
                     return Some(format!("{broken}\n{}", shortest(seed)));
                 }
             }
@@ -93,7 +96,16 @@ fn no_history_breaks_a_law() {
             .collect::<Vec<_>>()
     });
     assert!(broken.is_empty(), "{}", broken.join("\n\n"));
-    eprintln!("{histories} histories in {:.1} s", start.elapsed().as_secs_f64());
+    eprintln!("{} histories in {:.1} s", seeds.count(), start.elapsed().as_secs_f64());
+}
+
+/// `5000`, or `1000..2000`.
+fn seeds(text: &str) -> Range<u64> {
+    let number = |text: &str| text.parse().expect("a number");
+    match text.split_once("..") {
+        Some((start, end)) => number(start)..number(end),
+        None => 0..number(text),
+    }
 }
 
 /// Conversions panic on purpose; that need not fill the screen.

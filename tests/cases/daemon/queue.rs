@@ -295,6 +295,29 @@ async fn known_content_is_not_converted_twice() {
     assert_eq!(house.runs().len(), 1);
 }
 
+/// Its octree would go on showing what its source no longer holds.
+#[tokio::test]
+async fn retry_though_another_octree_holds_the_content() {
+    let mut house = House::new(PLAIN).await;
+    house.acts("a", &[Act::Succeed, Act::FailForGood, Act::Succeed]);
+    house.acts("c", &[Act::FailForGood]);
+    let old = id(house.drop_file("a", "old").await);
+    house.turn_until(old, State::Done).await;
+    let a = id(house.drop_file("a", "x").await);
+    house.turn_until(a, State::Failed).await;
+    let c = id(house.drop_file("c", "x").await);
+    house.turn_until(c, State::Failed).await;
+    let b = id(house.drop_file("b", "x").await);
+    house.turn_until(b, State::Done).await;
+    let refused = house.tools.store.order(c, Event::Retry, house.tools.clock.now()).await;
+    assert!(matches!(refused, Err(StoreError::Illegal { .. })), "c shows nothing old: {refused:?}");
+    house.tools.store.order(a, Event::Retry, house.tools.clock.now()).await.unwrap();
+    house.turn_until(a, State::Done).await;
+    assert_eq!(house.octree("a").as_deref(), Some("x"));
+    assert_eq!(house.octree("b").as_deref(), Some("x"));
+    assert_eq!(house.job(b).await.superseded_by, None);
+}
+
 #[tokio::test]
 async fn two_sources_of_one_name_get_two_octrees() {
     let mut house = House::new(PLAIN).await;
