@@ -81,7 +81,7 @@ pub(super) fn ago(then: Millis, now: Millis) -> String {
     match seconds {
         // By a clock that was set back.
         ..-60 => "in the future".to_string(),
-        ..5 => "just now".to_string(),
+        -60..5 => "just now".to_string(),
         5..60 => format!("{seconds} s ago"),
         60..3600 => format!("{} min ago", seconds / 60),
         3600..86_400 => format!("{} h ago", seconds / 3600),
