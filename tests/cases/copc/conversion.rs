@@ -89,7 +89,7 @@ fn one_pass_makes_both_as_each_alone() {
         for (output, format) in [(&octree, Formats::POTREE), (&copc, Formats::COPC), (&both, Formats::BOTH)] {
             let mut options = options(format);
             change(&mut options);
-            let outcome = convert(&[input.clone()], output, &options).unwrap();
+            let outcome = convert(std::slice::from_ref(&input), output, &options).unwrap();
             assert_eq!(outcome.points_out, points);
             assert_eq!(outcome.copc.is_some(), format.copc);
         }
@@ -115,7 +115,7 @@ fn bytes_depend_on_neither_threads_nor_memory() {
     let mut expected = None;
     for (threads, memory) in [(1, 4 << 30), (2, 4 << 30), (4, 4 << 30), (1, 100 << 20), (4, 330 << 20)] {
         let output = folder.path().join("out");
-        let request = request(&[input.clone()], &output, &options(Formats::COPC));
+        let request = request(std::slice::from_ref(&input), &output, &options(Formats::COPC));
         let outcome = conduct::convert(&request, &context(folder.path(), threads, memory)).unwrap();
         assert_eq!(outcome.scratch_bytes > 0, memory < 1 << 30, "in core or not");
         let bytes = copc_bytes(&output);
@@ -176,7 +176,7 @@ fn a_crowd_that_is_kept_is_one_node() {
     for duplicates in [Mode::Keep, Mode::SetAside] {
         let output = folder.path().join("out");
         let wanted = Options { duplicates, ..options(Formats::BOTH) };
-        let outcome = convert(&[input.clone()], &output, &wanted).unwrap();
+        let outcome = convert(std::slice::from_ref(&input), &output, &wanted).unwrap();
         let most = agrees_with_the_octree(&output).iter().map(|node| node.points).max().unwrap();
         assert_eq!(most > MAX_POINTS, duplicates == Mode::Keep, "{most}");
         assert_eq!(outcome.points_out + outcome.points_set_aside, 120_000);
@@ -213,7 +213,7 @@ fn times_that_one_file_cannot_hold_are_refused() {
         assert!(error.to_string().contains("seconds of the week"), "{error}");
         assert!(!error.retry_can_help() && !output.exists());
     }
-    let error = tried(&[later.clone()], Formats::BOTH).unwrap_err().to_string();
+    let error = tried(std::slice::from_ref(&later), Formats::BOTH).unwrap_err().to_string();
     assert!(error.contains("each format by itself"), "{error}");
     assert!(tried(&[week, standard.clone()], Formats::POTREE).is_ok());
     fs::remove_dir_all(&output).unwrap();
@@ -231,7 +231,7 @@ fn what_is_odd_about_the_input_is_noted() {
     let folder = tempfile::tempdir().unwrap();
     let input = cloud(folder.path(), 0, 5_000);
     let output = folder.path().join("out");
-    let outcome = convert(&[input.clone()], &output, &options(Formats::COPC)).unwrap();
+    let outcome = convert(std::slice::from_ref(&input), &output, &options(Formats::COPC)).unwrap();
     let has = |word: &str| outcome.notes.iter().any(|note| note.contains(word));
     assert!(has("--crs") && has("no GPS times") && has("return number 0"), "{:?}", outcome.notes);
     fs::remove_dir_all(&output).unwrap();
@@ -254,7 +254,7 @@ fn real_clouds_keep_every_bit() {
         }
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("out");
-        match convert(&[path.clone()], &output, &options(Formats::BOTH)) {
+        match convert(std::slice::from_ref(&path), &output, &options(Formats::BOTH)) {
             Ok(_) => {
                 eprintln!("{}", path.display());
                 agrees_with_the_octree(&output);

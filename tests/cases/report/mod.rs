@@ -3,5 +3,5 @@
 mod browser;
 mod charts;
 mod markup;
-mod report;
+mod measured;
 mod sample;
