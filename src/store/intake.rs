@@ -97,7 +97,7 @@ impl Store {
         // Its octree is no longer that of what lies here now.
         let moves_on = !names::is_free_to_use(&mut tx, &arrival.octrees, &data_set.name, None).await?;
         let arrival = &own_content(&mut tx, &data_set, moves_on, arrival).await?;
-        let admission = match find_standing(&mut tx, &arrival.content_key).await? {
+        let admission = match sharing::find_standing(&mut tx, &arrival.content_key).await? {
             Some(job) => {
                 meet_again(&mut tx, &data_set, job, arrival, now).await?;
                 Admission::Known(job)
@@ -215,37 +215,12 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
 /// the source no longer holds: then the content is its own.
 async fn own_content(tx: &mut Tx, data_set: &DataSet, moves_on: bool, arrival: &Arrival) -> Result<Arrival> {
     let mut arrival = arrival.clone();
-    if !moves_on && let Some(key) = own_key(tx, data_set.id, &data_set.name, &arrival.content_key).await? {
+    if !moves_on
+        && let Some(key) = sharing::own_key(tx, data_set.id, &data_set.name, &arrival.content_key).await?
+    {
         arrival.content_key = key;
     }
     Ok(arrival)
-}
-
-/// The key of a content that is a data set's own, where another data set's octree
-/// holds it and this one's an older content.
-pub(super) async fn own_key(tx: &mut Tx, data_set: i64, name: &str, key: &str) -> Result<Option<String>> {
-    let row = sqlx::query(
-        "SELECT EXISTS (SELECT 1 FROM job WHERE data_set = ?1 AND state = 'done' AND superseded_by IS NULL) \
-         AND EXISTS (SELECT 1 FROM job WHERE content_key = ?2 AND data_set <> ?1 \
-         AND (state IN ('queued', 'running', 'paused') OR (state = 'done' AND superseded_by IS NULL))) AS own",
-    )
-    .bind(data_set)
-    .bind(key)
-    .fetch_one(&mut **tx)
-    .await?;
-    Ok(row.try_get::<bool, _>("own")?.then(|| format!("{key} as {name}")))
-}
-
-/// A job that converts this content now, or whose octree stands.
-pub(super) async fn find_standing(tx: &mut Tx, content_key: &str) -> Result<Option<JobId>> {
-    let row = sqlx::query(
-        "SELECT id FROM job WHERE content_key = ? AND (state IN ('queued', 'running', 'paused') \
-         OR (state = 'done' AND superseded_by IS NULL))",
-    )
-    .bind(content_key)
-    .fetch_optional(&mut **tx)
-    .await?;
-    Ok(row.map(|row| row.try_get("id")).transpose()?)
 }
 
 /// A job of this data set that had this content and did not get done.

@@ -7,7 +7,6 @@ use std::ops::RangeInclusive;
 
 use sqlx::{Row, Sqlite, Transaction};
 
-use super::intake::{find_standing, own_key};
 use super::{LONGEST_HISTORY, Result, Store, StoreError, note, previews, row, sharing, step};
 use crate::job::verdict::{End, Policy, Tally, Verdict, forgive, judge};
 use crate::job::{Event, Job, JobId, State, Wish};
@@ -277,12 +276,12 @@ pub(super) async fn order_within(tx: &mut Tx, job: JobId, event: Event, now: i64
 /// job stands for it, this one makes its data set's own octree new, or is refused.
 async fn part_from_twin(tx: &mut Tx, job: &Job, event: Event) -> Result<()> {
     let is_other = |found: Option<JobId>| found.is_some_and(|found| found != job.id);
-    if !is_other(find_standing(tx, &job.content_key).await?) {
+    if !is_other(sharing::find_standing(tx, &job.content_key).await?) {
         return Ok(());
     }
     let row = sqlx::query("SELECT data_set FROM job WHERE id = ?").bind(job.id).fetch_one(&mut **tx).await?;
-    if let Some(key) = own_key(tx, row.try_get("data_set")?, &job.name, &job.content_key).await?
-        && !is_other(find_standing(tx, &key).await?)
+    if let Some(key) = sharing::own_key(tx, row.try_get("data_set")?, &job.name, &job.content_key).await?
+        && !is_other(sharing::find_standing(tx, &key).await?)
     {
         sqlx::query("UPDATE job SET content_key = ? WHERE id = ?")
             .bind(key)

@@ -75,6 +75,33 @@ impl Store {
     }
 }
 
+/// The key of a content that is a data set's own, where another data set's octree
+/// holds it and this one's an older content.
+pub(super) async fn own_key(tx: &mut Tx, data_set: i64, name: &str, key: &str) -> Result<Option<String>> {
+    let row = sqlx::query(
+        "SELECT EXISTS (SELECT 1 FROM job WHERE data_set = ?1 AND state = 'done' AND superseded_by IS NULL) \
+         AND EXISTS (SELECT 1 FROM job WHERE content_key = ?2 AND data_set <> ?1 \
+         AND (state IN ('queued', 'running', 'paused') OR (state = 'done' AND superseded_by IS NULL))) AS own",
+    )
+    .bind(data_set)
+    .bind(key)
+    .fetch_one(&mut **tx)
+    .await?;
+    Ok(row.try_get::<bool, _>("own")?.then(|| format!("{key} as {name}")))
+}
+
+/// A job that converts this content now, or whose octree stands.
+pub(super) async fn find_standing(tx: &mut Tx, content_key: &str) -> Result<Option<JobId>> {
+    let row = sqlx::query(
+        "SELECT id FROM job WHERE content_key = ? AND (state IN ('queued', 'running', 'paused') \
+         OR (state = 'done' AND superseded_by IS NULL))",
+    )
+    .bind(content_key)
+    .fetch_optional(&mut **tx)
+    .await?;
+    Ok(row.map(|row| row.try_get("id")).transpose()?)
+}
+
 /// Writes the end of a job that never ran, or does not run now.
 pub(super) async fn call_off(tx: &mut Tx, job: JobId, state: State, detail: &str, now: i64) -> Result<()> {
     sqlx::query(
