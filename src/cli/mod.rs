@@ -23,6 +23,7 @@ use clap::{Parser, Subcommand};
 
 use crate::config::logging::LogFormat;
 use crate::daemon::init;
+use crate::stage::machine;
 
 /// How a command ended; the numbers are what scripts rely on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,6 +105,13 @@ pub fn run() -> ExitCode {
         Command::Man(arguments) => shell::man(arguments),
     };
     ExitCode::from(output::after(exit) as u8)
+}
+
+/// Threads to work with; all that the machine or container grants if their number is not
+/// given.
+fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
+    let threads = threads.map_or_else(machine::threads, usize::from);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build()
 }
 
 /// Prints an error with its causes and says that the command failed.

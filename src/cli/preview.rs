@@ -58,8 +58,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments) -> Exit {
-    let threads = arguments.threads.map_or_else(machine::threads, usize::from);
-    let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+    let pool = match super::pool(arguments.threads) {
         Ok(pool) => pool,
         Err(error) => return super::failed(&error),
     };
@@ -89,7 +88,7 @@ pub fn run(arguments: Arguments) -> Exit {
             None if octree.is_file() => octree.with_file_name("preview"),
             None => octree.join("preview"),
         };
-        match pool.install(|| preview(octree, &into, &options, &context(&into, threads))) {
+        match pool.install(|| preview(octree, &into, &options, &context(&into, pool.current_num_threads()))) {
             Ok(preview) => {
                 if !arguments.json {
                     tell(&into, &preview);

@@ -37,8 +37,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments) -> Exit {
-    let threads = arguments.threads.map_or_else(machine::threads, usize::from);
-    let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+    let pool = match super::pool(arguments.threads) {
         Ok(pool) => pool,
         Err(error) => return super::failed(&error),
     };

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use crate::cloud::attribute::Schema;
-use crate::format::copc::{CopcFile, Entry, is_copc};
+use crate::format::copc::{CopcFile, ENDING, Entry, is_copc};
 use crate::format::las::{GpsTime, Vlr};
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
@@ -95,10 +95,8 @@ impl Cloud {
         }
         match &self.body {
             Body::Copc(file) => {
-                let at = node.cell.map(|c| c as u32);
-                let key = crate::cloud::node::NodeKey { level: node.level, at };
                 let mut records = Vec::new();
-                if let Some(entry) = file.node(key) {
+                if let Some(entry) = file.node_at(node.level, node.cell) {
                     file.reader()?.read(entry, &mut records)?;
                 }
                 Ok(records)
@@ -133,7 +131,7 @@ pub fn copc_in(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_named_so = |path: &PathBuf| {
         let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase());
-        name.is_some_and(|name| name.ends_with(".copc.laz") && !name.starts_with('.'))
+        name.is_some_and(|name| name.ends_with(ENDING) && !name.starts_with('.'))
     };
     let mut files: Vec<PathBuf> = entries.filter(is_named_so).filter(|path| path.is_file()).collect();
     files.sort();

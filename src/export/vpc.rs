@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::ExportError;
 use super::cloud::copc_in;
 use crate::cloud::attribute::Scalar;
-use crate::format::copc::CopcFile;
+use crate::format::copc::{CopcFile, ENDING};
 use crate::format::crs::ToDegrees;
 use crate::format::las::GpsTime;
 
@@ -136,7 +136,7 @@ fn item(
             json!({ "href": href, "roles": ["overview"], "type": "application/vnd.laszip+copc" });
     }
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let id = name.strip_suffix(".copc.laz").unwrap_or(&name);
+    let id = name.strip_suffix(ENDING).unwrap_or(&name);
     let item = json!({
         "type": "Feature",
         "stac_version": "1.0.0",

@@ -7,15 +7,12 @@ use std::path::{Path, PathBuf};
 use super::error::Result;
 use crate::cloud::attribute::{RGB_AVERAGE, Schema};
 use crate::cloud::statistics::AttributeStatistics;
-use crate::format::copc::{CopcFile, Entry};
+use crate::format::copc::{CopcFile, ENDING, Entry};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Encoding, Generator, Metadata, Node, NodeName, attribute_entry};
 
 /// Memory for the nodes of a file, and for a node's points.
 const MEMORY: u64 = 512 << 20;
-
-/// How the name of a COPC file ends.
-const ENDING: &str = ".copc.laz";
 
 /// The COPC file that a path means: itself, or the only one in a folder that has no
 /// octree.
@@ -70,9 +67,9 @@ impl CopcNodes {
 
     /// So many of a node's records, spread evenly over it.
     pub fn records(&self, node: &Node, take: u32) -> Result<Vec<u8>> {
-        let cell = node.name.cell();
-        let key = crate::cloud::node::NodeKey { level: node.name.level(), at: cell.map(|c| c as u32) };
-        let Some(entry) = self.file.node(key) else { return Ok(Vec::new()) };
+        let Some(entry) = self.file.node_at(node.name.level(), node.name.cell()) else {
+            return Ok(Vec::new());
+        };
         let mut records = Vec::new();
         self.file.reader()?.read(entry, &mut records)?;
         let size = self.schema().record_size();

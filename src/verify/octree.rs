@@ -12,7 +12,6 @@ use super::colours::Colours;
 use super::limits::{self, Purse};
 use super::structure;
 use crate::cloud::attribute::{RGB_AVERAGE, RGB_ORIGINAL, Schema};
-use crate::cloud::node::NodeKey;
 use crate::disk::others::{Links, read_file};
 use crate::format::copc::{CopcCube, CopcError, CopcFile, Entry, hierarchy};
 use crate::format::las::LasFile;
@@ -254,8 +253,7 @@ impl Octree {
 
 /// The entry of a node in the file's hierarchy.
 pub fn entry_of(file: &CopcFile, name: NodeName) -> Option<&Entry> {
-    let at = name.cell().map(|c| c as u32);
-    file.node(NodeKey { level: name.level(), at })
+    file.node_at(name.level(), name.cell())
 }
 
 fn copc_nodes(file: &CopcFile) -> Vec<Node> {

@@ -15,6 +15,9 @@ mod reader;
 pub mod source;
 mod statistics;
 
+/// How the name of a COPC file ends.
+pub const ENDING: &str = ".copc.laz";
+
 pub use chunk::{ChunkDecoder, ChunkEncoder};
 pub use descriptor::Described;
 pub use file::{CopcCube, Head, Places, Record, Tail, Totals, tail};

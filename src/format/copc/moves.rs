@@ -75,12 +75,12 @@ impl Moves {
                 columns(from, self.octree, at, to, self.las, into, length);
             }
             for bits in &self.bits {
-                for (from, to) in from.chunks_exact(self.octree).zip(to.chunks_exact_mut(self.las)) {
+                for (from, to) in pairs(from, self.octree, to, self.las) {
                     to[bits.las] |= (from[bits.octree] & bits.mask) << bits.shift;
                 }
             }
             let Some(rank) = self.rank else { continue };
-            for (from, to) in from.chunks_exact(self.octree).zip(to.chunks_exact_mut(self.las)) {
+            for (from, to) in pairs(from, self.octree, to, self.las) {
                 let angle = &mut to[rank.las..rank.las + 2];
                 // Beside a fine angle, which was copied before, rank 0 says nothing.
                 if rank.angle.is_none() || angle == [0, 0] {
@@ -99,12 +99,12 @@ impl Moves {
                 columns(from, self.las, at, to, self.octree, into, length);
             }
             for bits in &self.bits {
-                for (from, to) in from.chunks_exact(self.las).zip(to.chunks_exact_mut(self.octree)) {
+                for (from, to) in pairs(from, self.las, to, self.octree) {
                     to[bits.octree] = from[bits.las] >> bits.shift & bits.mask;
                 }
             }
             let Some(rank) = self.rank else { continue };
-            for (from, to) in from.chunks_exact(self.las).zip(to.chunks_exact_mut(self.octree)) {
+            for (from, to) in pairs(from, self.las, to, self.octree) {
                 let angle = i16::from_le_bytes([from[rank.las], from[rank.las + 1]]);
                 match rank.angle {
                     None => to[rank.octree] = (f64::from(angle) * ANGLE_UNIT).round() as i8 as u8,
@@ -132,6 +132,16 @@ impl Moves {
     }
 }
 
+/// Records of one size beside as many of another.
+fn pairs<'a>(
+    from: &'a [u8],
+    from_size: usize,
+    to: &'a mut [u8],
+    to_size: usize,
+) -> impl Iterator<Item = (&'a [u8], &'a mut [u8])> {
+    from.chunks_exact(from_size).zip(to.chunks_exact_mut(to_size))
+}
+
 /// Copies one field of as many records.
 fn columns(
     from: &[u8],
@@ -150,7 +160,7 @@ fn columns(
         to_size: usize,
         into: usize,
     ) {
-        for (from, to) in from.chunks_exact(from_size).zip(to.chunks_exact_mut(to_size)) {
+        for (from, to) in pairs(from, from_size, to, to_size) {
             to[into..into + N].copy_from_slice(&from[at..at + N]);
         }
     }
@@ -164,7 +174,7 @@ fn columns(
         14 => fixed::<14>(from, from_size, at, to, to_size, into),
         16 => fixed::<16>(from, from_size, at, to, to_size, into),
         _ => {
-            for (from, to) in from.chunks_exact(from_size).zip(to.chunks_exact_mut(to_size)) {
+            for (from, to) in pairs(from, from_size, to, to_size) {
                 to[into..into + length].copy_from_slice(&from[at..at + length]);
             }
         }

@@ -143,6 +143,11 @@ impl CopcFile {
         found.ok().map(|index| &nodes[index])
     }
 
+    /// The node of a level in a cell, as octrees' names give it.
+    pub fn node_at(&self, level: u8, cell: [u64; 3]) -> Option<&Entry> {
+        self.node(NodeKey { level, at: cell.map(|c| c as u32) })
+    }
+
     /// The data of a record, plain or extended, if there is such.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use super::super::survey::Survey;
 use super::CopcFile;
 use crate::cloud::attribute::{Attribute, Scalar, Schema};
 use crate::format::copc::{
-    ChunkEncoder, CopcCube, Described, Entry, Head, Layout, Places, Record, Totals, tail,
+    ChunkEncoder, CopcCube, Described, ENDING, Entry, Head, Layout, Places, Record, Totals, tail,
 };
 use crate::format::las::{Created, GpsTime, LasFile, PassedOn};
 use crate::words;
@@ -35,7 +35,7 @@ pub fn file_name(options: &Options, output: &Path) -> String {
     let kept = |c: char| if matches!(c, '/' | '\\') || words::is_invisible(c) { '_' } else { c };
     let name: String = name.trim().trim_start_matches('.').chars().map(kept).collect();
     let name = if name.is_empty() { "cloud".to_string() } else { name };
-    format!("{}.copc.laz", within_a_name(&name))
+    within_a_name(&name) + ENDING
 }
 
 impl CopcPlan {
