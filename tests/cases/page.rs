@@ -13,7 +13,7 @@ mod rows;
 mod uploads;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::LazyLock;
 
@@ -35,7 +35,7 @@ const SCRIPTS: [&str; 8] = [
 /// both.
 static BROWSER: LazyLock<Option<(PathBuf, PathBuf)>> = LazyLock::new(|| {
     let required = std::env::var_os("LODESTONE_REQUIRE_CHROMIUM").is_some_and(|value| value == "1");
-    let found = program().zip(packages());
+    let found = program().zip(crate::common::scripts("page", "page", &SCRIPTS).ok());
     assert!(found.is_some() || !required, "LODESTONE_REQUIRE_CHROMIUM=1, but Chromium or npm is missing");
     if found.is_none() {
         eprintln!("no Chromium or no npm: the tests of the page in a browser are left out");
@@ -50,20 +50,6 @@ fn program() -> Option<PathBuf> {
         .iter()
         .flat_map(|name| folders.iter().map(move |folder| folder.join(name)))
         .find(|path| path.is_file())
-}
-
-fn packages() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("page");
-    fs::create_dir_all(&folder).ok()?;
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/page");
-    for name in SCRIPTS {
-        fs::copy(scripts.join(name), folder.join(name)).expect("copied");
-    }
-    let npm = Command::new("npm")
-        .args(["install", "--ignore-scripts", "--no-audit", "--no-fund", "--prefer-offline"])
-        .current_dir(&folder)
-        .output();
-    npm.is_ok_and(|npm| npm.status.success()).then_some(folder)
 }
 
 /// Runs a script in the browser; false where there is none.

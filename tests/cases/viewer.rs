@@ -24,16 +24,7 @@ fn is_wanted() -> bool {
 
 /// A folder with the scripts and the viewer's packages.
 static VIEWER: LazyLock<PathBuf> = LazyLock::new(|| {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("viewer");
-    fs::create_dir_all(&folder).unwrap();
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer");
-    for name in ["package.json", "browser.mjs", "read.mjs"] {
-        fs::copy(scripts.join(name), folder.join(name)).unwrap();
-    }
-    run(Command::new("npm")
-        .args(["install", "--ignore-scripts", "--no-audit", "--no-fund"])
-        .current_dir(&folder));
-    folder
+    crate::common::scripts("viewer", "viewer", &["package.json", "browser.mjs", "read.mjs"]).unwrap()
 });
 
 fn run(command: &mut Command) -> String {

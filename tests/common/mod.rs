@@ -4,7 +4,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::time::Duration;
 
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, ConductError, Outcome, Request};
@@ -20,6 +22,43 @@ pub fn data() -> Option<PathBuf> {
         eprintln!("LODESTONE_DATA names no folder: the tests of real clouds are left out");
     }
     folder
+}
+
+/// Runs a command and kills it as soon as `is_time`; true where it ended before, and well.
+pub fn ended_before(command: &mut Command, is_time: impl Fn() -> bool) -> bool {
+    let mut child = command.stdout(Stdio::null()).spawn().unwrap();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success());
+            return true;
+        }
+        if is_time() {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            return false;
+        }
+        std::thread::sleep(Duration::from_micros(200));
+    }
+}
+
+/// A folder of the build with these scripts of `tests/cases/<from>` and the packages of npm
+/// that their `package.json` names.
+///
+/// # Errors
+/// Why there are no packages.
+pub fn scripts(name: &str, from: &str, scripts: &[&str]) -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::create_dir_all(&folder).unwrap();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases").join(from);
+    for script in scripts {
+        fs::copy(source.join(script), folder.join(script)).unwrap();
+    }
+    let npm = ["install", "--ignore-scripts", "--no-audit", "--no-fund", "--prefer-offline"];
+    let run = Command::new("npm").args(npm).current_dir(&folder).output().map_err(|e| format!("npm: {e}"))?;
+    match run.status.success() {
+        true => Ok(folder),
+        false => Err(String::from_utf8_lossy(&[run.stdout, run.stderr].concat()).into_owned()),
+    }
 }
 
 /// A small, well mixed number; the tests' only source of chance.

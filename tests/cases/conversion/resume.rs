@@ -7,10 +7,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
-use crate::common::{context, listing, octree_bytes, options_of, request, surface, write_las};
+use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::disk::Disk;
 use lodestone::engine::conduct::{self, Outcome};
 use lodestone::format::las::LasFile;
@@ -60,7 +60,8 @@ fn scratch_of(output: &Path) -> Option<PathBuf> {
 /// ended before.
 fn convert_killed(input: &Path, output: &Path, options: &Options, more: u64) -> bool {
     let before = scratch_of(output).map_or(0, |scratch| units_done(&scratch));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lodestone"));
+    command
         .args([
             "convert",
             "--progress",
@@ -77,22 +78,10 @@ fn convert_killed(input: &Path, output: &Path, options: &Options, more: u64) -> 
         .args(["--sampling", if options.sampling == Sampling::Random { "random" } else { "poisson" }])
         .arg(input)
         .arg("-o")
-        .arg(output)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            assert!(status.success());
-            return true;
-        }
-        if scratch_of(output).is_some_and(|scratch| units_done(&scratch) >= before + more) {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            return false;
-        }
-        std::thread::sleep(Duration::from_micros(200));
-    }
+        .arg(output);
+    ended_before(&mut command, || {
+        scratch_of(output).is_some_and(|scratch| units_done(&scratch) >= before + more)
+    })
 }
 
 #[test]

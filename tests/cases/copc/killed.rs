@@ -3,11 +3,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::process::Command;
 
 use super::support::copc_bytes;
-use crate::common::{context, listing, octree_bytes, options_of, request, surface, write_las};
+use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::engine::conduct;
 use lodestone::stage::formats::Formats;
 use lodestone::stage::options::Options;
@@ -16,7 +15,8 @@ use lodestone::stage::scratch::units_done;
 /// Killed after ever so many more units; true where it ended before.
 fn convert_killed(input: &Path, output: &Path, format: Formats, scratch: &Path, more: u64) -> bool {
     let before = units_done(scratch);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_lodestone"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lodestone"));
+    command
         .args([
             "convert",
             "--progress",
@@ -33,22 +33,8 @@ fn convert_killed(input: &Path, output: &Path, format: Formats, scratch: &Path, 
         .arg(scratch.parent().unwrap())
         .arg(input)
         .arg("-o")
-        .arg(output)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            assert!(status.success());
-            return true;
-        }
-        if units_done(&found(scratch)) >= before + more {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            return false;
-        }
-        std::thread::sleep(Duration::from_micros(200));
-    }
+        .arg(output);
+    ended_before(&mut command, || units_done(&found(scratch)) >= before + more)
 }
 
 /// The scratch folder, whose name has a hash.

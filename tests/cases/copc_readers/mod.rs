@@ -20,7 +20,7 @@ use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::format::copc::CopcFile;
 use lodestone::format::las::{LasOptions, Vlr, record_length};
 
-use crate::common::{data, mix, options_of, write_las};
+use crate::common::{data, mix, options_of, scripts, write_las};
 
 fn is_wanted() -> bool {
     let wanted = std::env::var("LODESTONE_REQUIRE_COPC").is_ok_and(|value| value == "1");
@@ -32,15 +32,8 @@ fn is_wanted() -> bool {
 
 /// A folder with the scripts and the packages of the readers.
 static READERS: LazyLock<PathBuf> = LazyLock::new(|| {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("copc-readers");
-    fs::create_dir_all(&folder).unwrap();
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/copc_readers");
-    for name in ["package.json", "requirements.txt", "read.mjs", "read.py"] {
-        fs::copy(scripts.join(name), folder.join(name)).unwrap();
-    }
-    run(Command::new("npm")
-        .args(["install", "--ignore-scripts", "--no-audit", "--no-fund"])
-        .current_dir(&folder));
+    let names = ["package.json", "requirements.txt", "read.mjs", "read.py"];
+    let folder = scripts("copc-readers", "copc_readers", &names).unwrap();
     run(Command::new("python3").args(["-m", "venv", "venv"]).current_dir(&folder));
     let install = ["install", "--quiet", "--disable-pip-version-check", "-r", "requirements.txt"];
     run(Command::new(folder.join("venv/bin/pip")).args(install).current_dir(&folder));

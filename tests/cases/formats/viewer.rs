@@ -16,7 +16,7 @@ use lodestone::format::crs;
 use lodestone::format::las::{LasFile, LasOptions, Vlr};
 use lodestone::stage::options::Options;
 
-use super::super::common::{convert, data, options_of, surface};
+use super::super::common::{convert, data, options_of, scripts, surface};
 use super::{case, tile};
 
 fn is_wanted() -> bool {
@@ -29,16 +29,7 @@ fn is_wanted() -> bool {
 
 /// A folder with the scripts and their packages.
 static SCRIPTS: LazyLock<PathBuf> = LazyLock::new(|| {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("potree");
-    fs::create_dir_all(&folder).unwrap();
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer/potree");
-    for name in ["package.json", "transform.mjs", "draw.mjs"] {
-        fs::copy(scripts.join(name), folder.join(name)).unwrap();
-    }
-    let npm = ["install", "--ignore-scripts", "--no-audit", "--no-fund"];
-    let output = Command::new("npm").args(npm).current_dir(&folder).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    folder
+    scripts("potree", "viewer/potree", &["package.json", "transform.mjs", "draw.mjs"]).unwrap()
 });
 
 /// Longitude and latitude of points by their projections.

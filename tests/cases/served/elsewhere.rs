@@ -46,16 +46,7 @@ fn install() -> Option<PathBuf> {
         eprintln!("skipped: set LODESTONE_VIEWER=1 to draw octrees in Chromium");
         return None;
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("elsewhere");
-    fs::create_dir_all(&folder).expect("made");
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/viewer");
-    for name in SCRIPTS {
-        fs::copy(scripts.join(name), folder.join(name)).expect("copied");
-    }
-    let npm = ["install", "--ignore-scripts", "--no-audit", "--no-fund"];
-    let installed = Command::new("npm").args(npm).current_dir(&folder).output().expect("npm");
-    assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
-    Some(folder)
+    Some(crate::common::scripts("elsewhere", "viewer", &SCRIPTS).expect("packages"))
 }
 
 /// Ends its process when it goes.
