@@ -15,8 +15,8 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{broadcast, oneshot};
 use tokio_util::io::ReaderStream;
 
 use super::super::Shared;
@@ -53,10 +53,15 @@ impl Default for Live {
 }
 
 impl Live {
-    fn subscribe(&self, shared: &Shared) -> broadcast::Receiver<Arc<str>> {
+    /// Whoever fetches a page after this has come back misses nothing: what happens from
+    /// then on is told.
+    async fn subscribe(&self, shared: &Shared) -> broadcast::Receiver<Arc<str>> {
         let receiver = self.sender.subscribe();
         if !self.looking.swap(true, Ordering::SeqCst) {
-            tokio::spawn(look(shared.clone(), self.clone()));
+            let (begun, has_begun) = oneshot::channel();
+            tokio::spawn(look(shared.clone(), self.clone(), begun));
+            // A daemon that stops answers nobody.
+            let _ = has_begun.await;
         }
         receiver
     }
@@ -72,7 +77,7 @@ pub(in super::super) async fn stream(
         let text = "all places for open pages are taken; this one asks now and then instead";
         return (retry, Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
     };
-    let news = shared.live.subscribe(&shared);
+    let news = shared.live.subscribe(&shared).await;
     let (writer, reader) = tokio::io::duplex(BUFFER);
     tokio::spawn(feed(shared, news, writer, place));
     let kind = [
@@ -111,9 +116,14 @@ async fn feed(
     }
 }
 
-/// Looks for news as long as somebody listens.
-async fn look(shared: Shared, live: Live) {
+/// Looks for news as long as somebody listens; has begun once it knows what is no news.
+async fn look(shared: Shared, live: Live, begun: oneshot::Sender<()>) {
     let mut seen = Seen::default();
+    if let Err(error) = seen.news(&shared, true).await {
+        tracing::warn!(%error, "open pages are told nothing for now");
+    }
+    // The page that it is begun for may be gone again.
+    let _ = begun.send(());
     let mut beats = 0;
     loop {
         tokio::select! {

@@ -57,8 +57,21 @@ await page.waitForSelector('#turntable');
 await page.locator('#turntable').evaluate(picture => picture.decode());
 await page.getByRole('button', { name: 'Make a link' }).click();
 await page.waitForURL(/said=share/);
+// What happens after a page was made and before its stream opens is shown too.
+const job = new URL(page.url()).pathname.split('/').pop();
+const verified = async () => {
+  const answer = await page.request.get(`${site}${base}/api/jobs/${job}/verify`);
+  return (await answer.json()).state === 'done';
+};
+await page.route('**/live', async route => {
+  await until('the end of the verification', verified);
+  // Until nobody looks for the page before any more.
+  await new Promise(resolve => setTimeout(resolve, 2000));
+  await route.continue();
+});
 await page.getByRole('button', { name: 'Verify' }).click();
-await until('the verification', () => page.getByText('It is right.').count());
+await until('the verification', () => page.getByText('It is right.').count(), 30);
+await page.unroute('**/live');
 await look('job');
 const share = await page.locator('#share [data-copy-url]').first().getAttribute('data-copy-url');
 await page.getByRole('button', { name: 'Drain' }).count();

@@ -79,8 +79,9 @@ export function live({ enhance, ended, stays }) {
     stream.addEventListener('progress', progress);
     stream.addEventListener('open', () => {
       clearInterval(poll);
-      // What happened while nobody listened.
-      if (!gone.hidden) refresh();
+      // What happened while nobody listened, be it between the making of this page
+      // and now.
+      refresh();
       gone.hidden = true;
     });
     stream.addEventListener('error', () => {
@@ -107,16 +108,12 @@ export function live({ enhance, ended, stays }) {
       rest();
     } else if (!document.hidden && !stream) {
       listen();
-      refresh();
     }
   });
   addEventListener('pagehide', rest);
   // Taken back from the history, the page is as it was left.
   addEventListener('pageshow', event => {
-    if (event.persisted && !stream) {
-      listen();
-      refresh();
-    }
+    if (event.persisted && !stream) listen();
   });
   listen();
 }
