@@ -221,7 +221,9 @@ fn as_first_process_it_reaps_what_hooks_leave() {
 #[test]
 fn a_hang_up_stops_in_good_order_unless_ignored() {
     let root = tempfile::tempdir().expect("a folder");
-    let mut daemon = Daemon::start(&root.path().join("a"));
+    // Whoever runs the tests may ignore it, as by `nohup`.
+    let default = ["env", "--default-signal=HUP"];
+    let mut daemon = Daemon::start_by(&default, &root.path().join("a"), &[], &[]);
     let pid = Pid::from_child(&daemon.child);
     kill_process(pid, Signal::HUP).expect("sent");
     assert!(daemon.child.wait().expect("gone").success());
