@@ -123,6 +123,19 @@ pub fn is_under_way(name: &str) -> bool {
     is_partial_cloud(name) || (is_partial(name) && !name.starts_with('.') && !is_junk(name))
 }
 
+/// Whether a name that tells nothing may be one under which some tool writes a cloud:
+/// it is hidden, has no ending, or has a cloud's name in it. Copies that people keep
+/// have their own.
+pub fn may_be_temporary(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let kept = [".bak", ".backup", ".old", ".orig"].iter().any(|end| lower.ends_with(end));
+    let of_a_cloud = lower.contains(".las") || lower.contains(".laz");
+    !is_junk(name)
+        && !is_cloud(name)
+        && !kept
+        && (of_a_cloud || lower.starts_with('.') || !lower.contains('.'))
+}
+
 /// Whether a hidden folder is one that copies keep their files in until they
 /// are whole.
 pub fn is_transfer_folder(name: &str) -> bool {
@@ -201,6 +214,12 @@ mod tests {
         }
         for name in ["notes.txt", "las", "a.lasx", "a.laz.md5", "a.laz.sha256", "a.las.xml"] {
             assert!(!is_cloud(name) && !is_under_way(name), "{name}");
+        }
+        for name in ["a.las.bc!", ".goutputstream-X1Y2Z3", "part-a.las.xltd", "upload17", "a.laz.tmp.12345"] {
+            assert!(may_be_temporary(name), "{name}");
+        }
+        for name in ["a.las", "a.laz.bak", "notes.txt", ".DS_Store", "._a.laz", "photo.jpg"] {
+            assert!(!may_be_temporary(name), "{name}");
         }
         assert!(!is_cloud(".las"));
         assert!(is_under_way("upload.part") && !is_under_way(".sync.db"));

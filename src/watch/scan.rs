@@ -9,7 +9,7 @@ use rustix::fs::{FileType, Stat};
 
 use super::marker::{self, Marker};
 use super::waiting::{Kind, Waiting};
-use super::{FileStamp, Found, events, foreign, names};
+use super::{FileStamp, Found, events, foreign, names, whole};
 use crate::disk::others::{self, Links};
 use crate::format::inputs::DEEPEST_FOLDER;
 
@@ -107,10 +107,11 @@ impl Candidate {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Whether its marker came last, and so says that all is there.
+    /// Whether its marker came last, and so says that all is there. Within one tick of
+    /// the clock nobody can tell, and then it waits as any other.
     pub fn is_closed(&self) -> bool {
         self.marker.as_ref().is_some_and(|marker| {
-            marker.read.is_ok() && self.files.iter().all(|file| file.ctime_ns <= marker.file.ctime_ns)
+            marker.read.is_ok() && self.files.iter().all(|file| file.ctime_ns < marker.file.ctime_ns)
         }) && self.partials.is_empty()
     }
 
@@ -249,13 +250,19 @@ fn walk(folder: &Path, depth: Depth, candidate: &mut Candidate, scanned: &mut Sc
                 let files = if depth.in_transfer { &mut candidate.partials } else { &mut candidate.files };
                 files.push(stamp());
             }
-            FileType::RegularFile if names::is_under_way(&name) => candidate.partials.push(stamp()),
+            FileType::RegularFile if is_under_way(&path, &name) => candidate.partials.push(stamp()),
             FileType::RegularFile => scanned.leave(&path, &name, true),
             other => refuse(&path, &name, no_file(other), scanned),
         }
     }
     // Beside the right one it is a copy of it.
     candidate.marker = candidate.marker.take().or(misnamed);
+}
+
+/// Whether a copy has this file under way: by its name, or, where that tells nothing,
+/// because it begins as a cloud does. No list of names has those of all tools.
+fn is_under_way(path: &Path, name: &str) -> bool {
+    names::is_under_way(name) || (names::may_be_temporary(name) && whole::begins_as_a_cloud(path))
 }
 
 /// Why something that is neither file nor folder is not taken.

@@ -13,6 +13,13 @@ use super::zeros::{self, Holes};
 use crate::disk::others::{self, Links};
 use crate::format::las::{LasFile, Layout, Slice};
 
+/// Whether a file's first bytes are those of a LAS or LAZ file.
+pub(super) fn begins_as_a_cloud(path: &Path) -> bool {
+    let mut magic = [0u8; 4];
+    let read = others::open_file(path, Links::Refused).and_then(|(mut file, _)| file.read_exact(&mut magic));
+    read.is_ok() && magic == *b"LASF"
+}
+
 /// Judges one file.
 pub(super) fn judge(path: &Path) -> Wholeness {
     let incomplete = |why: String| Wholeness::NotYet(NotYet::new(Kind::Incomplete, why));

@@ -11,6 +11,8 @@ use serde_json::Value;
 use crate::common::{options_of, surface, write_las};
 use crate::daemon_support::{Daemon, content, converted, fill_folder, las, wait_for};
 
+mod again;
+
 const APPLE_DOUBLE: &[u8] = b"\0\x05\x16\x07\0\x02\0\0Mac OS X        ";
 
 fn root() -> tempfile::TempDir {

@@ -65,7 +65,8 @@ pub fn on_disk(path: &Path) -> Option<String> {
         return Some(hash(&fs::read(path).ok()?));
     }
     let mut files: Vec<_> = fs::read_dir(path).ok()?.flatten().map(|entry| entry.path()).collect();
-    files.retain(|file| file.extension().is_some_and(|end| end == "las"));
+    let hidden = |file: &Path| file.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    files.retain(|file| file.extension().is_some_and(|end| end == "las") && !hidden(file));
     files.sort();
     let hashes: Vec<String> = files.iter().map(|file| hash(&fs::read(file).expect("readable"))).collect();
     (!hashes.is_empty()).then(|| hashes.join(","))

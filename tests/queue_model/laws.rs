@@ -21,6 +21,8 @@ pub struct Ledger {
     states: BTreeMap<i64, State>,
     /// Jobs that got an order or a changed source since they were last published.
     renewed: HashSet<i64>,
+    /// What each job is of, though its record be purged.
+    contents: BTreeMap<i64, String>,
     /// Runs of the converter that were looked at.
     runs: usize,
 }
@@ -83,6 +85,7 @@ pub fn hold(world: &mut World) -> Result<(), Broken> {
         return Ok(());
     }
     let (books, jobs) = books(world)?;
+    world.ledger.contents.extend(books.contents.clone());
     replay(&mut world.ledger, &books, &jobs)?;
     law!(books.orphans == 0, "{} rows without their parents", books.orphans);
     let mut open = HashSet::new();
@@ -105,7 +108,10 @@ fn nothing_is_lost(world: &mut World) -> Result<(), Broken> {
         world.trust.files.keys().filter(|path| !(away && path.starts_with(&mount))).cloned().collect();
     for path in gone.into_iter().filter(|path| !path.exists()) {
         let content = world.trust.files.remove(&path).expect("just listed");
-        law!(world.config.on_done != OnDone::Keep, "{} was removed, though sources are kept", path.display());
+        let asked =
+            world.trust.asked.removal && world.folders().iter().any(|folder| path.starts_with(folder));
+        let may_go = world.config.on_done != OnDone::Keep || asked;
+        law!(may_go, "{} was removed, though sources are kept", path.display());
         law!(
             content != content::hash(&content::bytes(content::HOLLOW)),
             "{} was removed half written",
@@ -194,6 +200,7 @@ fn runs(world: &mut World, books: &Books) -> Result<(), Broken> {
             let excused = world.trust.meddled
                 || world.ledger.renewed.contains(&run.job)
                 || world.was_sick
+                || world.trust.asked.options
                 || !world.ordered.is_empty();
             law!(excused, "job {} converts what stands as {} already", run.job, run.name);
         }
@@ -222,7 +229,7 @@ fn published(world: &mut World, books: &Books, jobs: &[Job]) -> Result<(), Broke
         }
         // A data set whose sources were removed goes on under another name, and its
         // octree stays.
-        if world.config.on_done != OnDone::Keep || world.trust.meddled {
+        if world.config.on_done != OnDone::Keep || world.trust.meddled || world.trust.asked.removal {
             let is_of_job = jobs.iter().any(|job| job.name == name && books.contents[&job.id] == shown);
             law!(is_of_job, "{name} shows {shown}, which no job of that name holds");
             continue;
@@ -275,6 +282,15 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
         }
         let data_set = books.data_sets.iter().find(|(path, ..)| *path == place);
         let job = data_set.and_then(|(_, _, job)| *job);
+        // A file that failed long ago stays known, though its record is purged.
+        let purged = world.ledger.states.iter().any(|(id, state)| {
+            matches!(state, State::Failed | State::Quarantined)
+                && world.ledger.contents[id] == content
+                && jobs.iter().all(|job| job.id != *id)
+        });
+        if data_set.is_some() && job.is_none() && purged {
+            continue;
+        }
         let job = jobs.iter().find(|j| Some(j.id) == job).ok_or(format!("{place} was never taken in"))?;
         law!(books.contents[&job.id] == content, "{place} has newer content than its job {}", job.id);
         let bad = content::nature(&content) != Nature::Good;

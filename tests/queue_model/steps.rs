@@ -21,7 +21,10 @@ const DAY: i64 = 86_400_000;
 /// Does one step by chance; what it was, in words.
 pub fn step(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
     match dice.below(100) {
-        0..18 => Ok(put(world, dice)),
+        0..14 => Ok(put(world, dice)),
+        14..16 => Ok(mark(world, dice)),
+        16..17 => Ok(rename_folder(world, dice)),
+        17..18 => Ok(leave_behind(world, dice)),
         18..22 => Ok(delete(world, dice)),
         22..26 => Ok(rename(world, dice)),
         26..27 => Ok(touch(world, dice)),
@@ -89,7 +92,7 @@ fn place(world: &World, dice: &mut Dice) -> PathBuf {
     let places = world.places();
     // A crowd in few places: that is where things meet.
     let place = if dice.percent(50) { &places[dice.below(2)] } else { dice.pick(&places) };
-    if place.ends_with("tiles") {
+    if world.folders().contains(&place) {
         // One of them on its way, as rsync has it.
         return place.join(dice.pick(&["t1.las", "t2.las", "t1.las", "t2.las", ".t2.las.Xy12Zw"]));
     }
@@ -103,11 +106,67 @@ fn some_content(dice: &mut Dice) -> usize {
 
 fn put(world: &mut World, dice: &mut Dice) -> String {
     let (path, content) = (place(world, dice), some_content(dice));
-    if !path.parent().is_some_and(|folder| folder.exists() || folder.ends_with("tiles")) {
+    if !path.parent().is_some_and(|folder| folder.exists() || world.folders().iter().any(|f| f == folder)) {
         return "nothing: the mount is away".into();
     }
     world.write(&path, &content::bytes(content));
     format!("content {content} is put at {}", path.display())
+}
+
+/// Markers, whole, half written and wrong.
+const MARKERS: [&str; 9] = [
+    "{}",
+    r#"{"name": "tiles"}"#,
+    r#"{"name": "a"}"#,
+    r#"{"priority": 3}"#,
+    r#"{"on_done": "keep"}"#,
+    r#"{"on_done": "delete"}"#,
+    r#"{"options": {"sampling": "random"}}"#,
+    r#"{"nam"#,
+    r#"{"on_done": "burn"}"#,
+];
+
+/// A marker comes to a folder of tiles, before the tiles, among or after them.
+fn mark(world: &mut World, dice: &mut Dice) -> String {
+    let folder = dice.pick(&world.folders()).clone();
+    let path = folder.join("lodestone.json");
+    if dice.percent(15) {
+        let done = fs::remove_file(&path).is_ok();
+        return format!("{} is deleted: {done}", path.display());
+    }
+    let text = *dice.pick(&MARKERS);
+    world.trust.asked.removal |= text.contains("delete");
+    world.trust.asked.options |= text.contains("options");
+    fs::create_dir_all(&folder).expect("made");
+    fs::write(&path, text).expect("written");
+    format!("marker {text} comes to {}", folder.display())
+}
+
+fn rename_folder(world: &mut World, dice: &mut Dice) -> String {
+    let mut folders = world.folders();
+    if dice.percent(50) {
+        folders.reverse();
+    }
+    let [from, to] = folders;
+    let done = fs::rename(&from, &to).is_ok();
+    if done {
+        let moved = |path: PathBuf| path.strip_prefix(&from).map_or(path.clone(), |within| to.join(within));
+        let files = std::mem::take(&mut world.trust.files);
+        world.trust.files = files.into_iter().map(|(path, content)| (moved(path), content)).collect();
+    }
+    format!("{} is renamed to {}: {done}", from.display(), to.display())
+}
+
+/// What systems leave beside files, which is nobody's.
+fn leave_behind(world: &World, dice: &mut Dice) -> String {
+    let folder = dice.pick(&world.folders()).clone();
+    let path = folder.join(dice.pick(&["._t1.las", "__MACOSX/._t1.las", ".DS_Store"]));
+    if !folder.exists() {
+        return "nothing: no folder to leave anything in".into();
+    }
+    fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+    fs::write(&path, b"\0\x05\x16\x07\0\x02\0\0Mac OS X        ").expect("written");
+    format!("{} is left behind", path.display())
 }
 
 fn delete(world: &mut World, dice: &mut Dice) -> String {

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::future::Future;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
@@ -38,6 +39,8 @@ pub struct Life {
     engine: Engine,
     watcher: Watcher,
     pub desk: Arc<Desk>,
+    /// What lay at each path, and in how many scans in a row.
+    sights: BTreeMap<PathBuf, (String, u32)>,
 }
 
 pub struct World {
@@ -72,6 +75,14 @@ pub struct Trust {
     pub foreign: BTreeMap<PathBuf, String>,
     /// Somebody removed octrees by hand, or lost the database.
     pub meddled: bool,
+    /// A marker asked for its folder to be removed, or for options of its own.
+    pub asked: Asked,
+}
+
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Asked {
+    pub removal: bool,
+    pub options: bool,
 }
 
 impl World {
@@ -117,9 +128,15 @@ impl World {
             inbox.join("b.las"),
             inbox.join("größe 1.las"),
             inbox.join("tiles"),
+            inbox.join("more"),
             mount.join("a.las"),
             mount.join("m.las"),
         ]
+    }
+
+    /// Those of them that are folders of tiles.
+    pub fn folders(&self) -> [PathBuf; 2] {
+        ["tiles", "more"].map(|name| self.config.inbox().join(name))
     }
 
     pub fn mount(&self) -> (PathBuf, PathBuf) {
@@ -167,7 +184,7 @@ impl World {
                 let watcher = Watcher::new(roots, vec![config.root.clone()], limits, known);
                 (store, engine, watcher)
             });
-            self.life = Some(Life { runtime, store, engine, watcher, desk });
+            self.life = Some(Life { runtime, store, engine, watcher, desk, sights: BTreeMap::new() });
         }
         self.life.as_mut().expect("just started")
     }
@@ -244,6 +261,7 @@ impl Life {
         let again =
             self.runtime.block_on(self.store.to_look_at_again()).map_err(|error| error.to_string())?;
         again.iter().for_each(|path| self.watcher.forget(path));
+        self.look(config);
         let mut report = self.watcher.scan(now);
         for found in std::mem::take(&mut report.found) {
             let held = content::on_disk(&found.path);
@@ -257,6 +275,10 @@ impl Life {
                 }
                 Some(Ok(Taken::Moving)) => return Err("nobody moves a file during a scan".into()),
                 Some(Ok(Taken::In { path, stamp, admission })) => {
+                    let times = self.sights.get(&path).map_or(0, |(_, times)| *times);
+                    if times < 2 && !is_closed(&path) {
+                        return Err(format!("{} was taken at first sight: {admission:?}", path.display()));
+                    }
                     let inputs = self.runtime.block_on(self.store.inputs(admission.job()));
                     let inputs = inputs.map_err(|error| error.to_string())?;
                     let hashes: Vec<&str> = inputs.iter().map(|input| &input.hash[..16]).collect();
@@ -272,6 +294,19 @@ impl Life {
             }
         }
         Ok(Some(report))
+    }
+
+    /// Counts how often in a row each data set was seen the same.
+    fn look(&mut self, config: &Config) {
+        let before = std::mem::take(&mut self.sights);
+        for root in [config.inbox(), config.watch[0].clone()] {
+            for entry in fs::read_dir(root).into_iter().flatten().flatten() {
+                let (path, seen) = (entry.path(), listing(&entry.path()));
+                let times =
+                    before.get(&path).filter(|(then, _)| *then == seen).map_or(0, |(_, times)| *times);
+                self.sights.insert(path, (seen, times + 1));
+            }
+        }
     }
 
     pub fn jobs(&self) -> Vec<lodestone::job::Job> {
@@ -295,4 +330,32 @@ async fn cut_off<T>(future: impl Future<Output = T>, polls: usize) -> Option<T> 
         future.as_mut().poll(cx).map(Some)
     })
     .await
+}
+
+/// What belongs to a data set, with sizes and times; names of what is no part of it
+/// left out.
+fn parts(path: &Path) -> Vec<(PathBuf, fs::Metadata)> {
+    let mut parts = vec![path.to_path_buf()];
+    if path.is_dir() {
+        parts = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        let is_junk = |part: &Path| part.ends_with("._t1.las") || part.ends_with(".DS_Store");
+        parts.retain(|part| part.is_file() && !is_junk(part));
+        parts.sort();
+    }
+    parts.into_iter().filter_map(|part| Some((part.clone(), fs::metadata(part).ok()?))).collect()
+}
+
+fn listing(path: &Path) -> String {
+    let line = |(part, meta): (PathBuf, fs::Metadata)| {
+        format!("{part:?} {} {:?} {} {}\n", meta.len(), meta.modified().ok(), meta.ctime(), meta.ctime_nsec())
+    };
+    parts(path).into_iter().map(line).collect()
+}
+
+/// Whether a folder's marker came after everything else in it.
+fn is_closed(path: &Path) -> bool {
+    let changed = |meta: &fs::Metadata| (meta.ctime(), meta.ctime_nsec());
+    let (marker, tiles): (Vec<_>, Vec<_>) =
+        parts(path).into_iter().partition(|(part, _)| part.ends_with("lodestone.json"));
+    marker.iter().any(|(_, marker)| tiles.iter().all(|(_, tile)| changed(tile) < changed(marker)))
 }

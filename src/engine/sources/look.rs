@@ -59,13 +59,24 @@ impl Entry {
         if !name.starts_with("._") {
             return self.kind != Kind::File;
         }
-        let mut magic = [0u8; 4];
-        let read = looked.open(self).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok());
-        self.kind != Kind::File || !read || magic != [0, 5, 0x16, 7]
+        self.kind != Kind::File || self.first_bytes(looked) != Some([0, 5, 0x16, 7])
     }
 
-    pub fn looks_like_a_cloud(&self, full: &Path) -> bool {
-        full.file_name().and_then(OsStr::to_str).is_none_or(|n| names::is_cloud(n) || names::is_under_way(n))
+    /// By its name, or by its first bytes where the name tells nothing.
+    pub fn looks_like_a_cloud(&self, looked: &Looked) -> bool {
+        let Some(name) = self.path.file_name().or(Some(looked.name.as_os_str())).and_then(OsStr::to_str)
+        else {
+            return true;
+        };
+        names::is_cloud(name)
+            || names::is_under_way(name)
+            || (names::may_be_temporary(name) && self.first_bytes(looked) == Some(*b"LASF"))
+    }
+
+    fn first_bytes(&self, looked: &Looked) -> Option<[u8; 4]> {
+        let mut bytes = [0; 4];
+        looked.open(self).ok()?.read_exact(&mut bytes).ok()?;
+        Some(bytes)
     }
 }
 

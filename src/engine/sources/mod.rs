@@ -203,7 +203,7 @@ fn check(plan: &Plan, looked: &Looked, ours: &HashSet<&Path>) -> Result<Vec<Inpu
             return Err(stay(path, "is a link, or no plain file; nothing is done through such"));
         }
         let known = ours.contains(entry.path.as_path());
-        if entry.kind == Kind::File && entry.looks_like_a_cloud(path) && !known {
+        if entry.kind == Kind::File && !known && entry.looks_like_a_cloud(looked) {
             return Err(stay(path, "came after the others and is not in the octree"));
         }
     }
