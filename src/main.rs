@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use lodestone::memory::LargePages;
+use lodestone::platform::allocator::LargePages;
 
 #[global_allocator]
 static MEMORY: LargePages = LargePages;

@@ -17,8 +17,8 @@ use std::sync::Once;
 use std::time::{Duration, Instant};
 
 use common::{convert, mix, options_of, surface, write_las};
+use lodestone::convert::options::Options;
 use lodestone::format::potree;
-use lodestone::stage::options::Options;
 
 /// No seed is as large as to justify more at once.
 const MOST_MEMORY: usize = 256 << 20;
@@ -247,7 +247,7 @@ fn journal() {
     let mut request = common::request(&[input], &folder.path().join("octree"), &Options::default());
     request.keep_scratch = true;
     let context = common::context(folder.path(), 2, 45 << 20);
-    lodestone::engine::conduct::convert(&request, &context).unwrap();
+    lodestone::convert::run::convert(&request, &context).unwrap();
     let whole = fs::read(context.scratch.join("journal")).unwrap();
     let mut payloads = Vec::new();
     let mut rest = whole.as_slice();

@@ -5,7 +5,7 @@ mod common;
 use std::fs;
 
 use common::{convert, options_of, surface, write_las};
-use lodestone::stage::options::Options;
+use lodestone::convert::options::Options;
 
 /// In a daemon, a small job after a huge one.
 #[test]

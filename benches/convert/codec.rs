@@ -13,7 +13,7 @@ use laz::record::{
 use laz::{LazItem, LazVlrBuilder};
 use lodestone::format::las::LasFile;
 use lodestone::format::laz::{Decoder, Encoder, Shape};
-use lodestone::measure::process::{self as measure, Spread, spread};
+use lodestone::lab::process::{self as measure, Spread, spread};
 
 use super::{BINARY, Outcome};
 

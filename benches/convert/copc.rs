@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use lodestone::measure::process::{self as measure, Run};
+use lodestone::lab::process::{self as measure, Run};
 
 use super::{BINARY, Outcome, Wishes, conversion};
 

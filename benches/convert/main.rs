@@ -40,7 +40,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use lodestone::measure::process::{self as measure, Run};
+use lodestone::lab::process::{self as measure, Run};
 use tables::Cost;
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;

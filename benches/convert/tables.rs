@@ -1,6 +1,6 @@
 //! What the benchmark prints.
 
-use lodestone::measure::process::{Spread, spread};
+use lodestone::lab::process::{Spread, spread};
 
 use super::Method;
 

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use lodestone::measure::flip;
-use lodestone::render::colour::ColorBy;
+use lodestone::lab::flip;
+use lodestone::render::color::ColorBy;
 use lodestone::render::framing::View;
+use lodestone::render::octree_renderer::{Quality, Studio};
 use lodestone::render::renderer::Choice;
-use lodestone::render::studio::{Quality, Studio};
 
 const SIZE: [u32; 2] = [512, 512];
 const SCENES: [&str; 4] = ["terrain", "town", "interior", "object"];

@@ -11,9 +11,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lodestone::job::Input;
-use lodestone::job::verdict::{End, Policy};
-use lodestone::store::{Arrival, Ending, Kind, Store};
+use lodestone::serve::job::Input;
+use lodestone::serve::job::retry_policy::{End, Policy};
+use lodestone::serve::queue::{Arrival, Ending, Kind, Store};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut jobs = 2000;

@@ -7,13 +7,13 @@ use std::sync::Arc;
 use super::Exit;
 use super::output::{complain, say};
 use super::progress::{self, Style};
-use crate::disk::Disk;
-use crate::engine::conduct::{self, Outcome, Request};
+use crate::convert::context::{Cancel, Context, Progress};
+use crate::convert::formats::Formats;
+use crate::convert::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
+use crate::convert::run::{self, Outcome, Request};
+use crate::convert::staging::{staging_folder, within_a_name};
 use crate::format::crs;
-use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::formats::Formats;
-use crate::stage::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
-use crate::stage::staging::{staging_folder, within_a_name};
+use crate::platform::disk::Disk;
 use crate::words::Plain;
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree, one COPC file, or both
@@ -88,8 +88,8 @@ pub fn run(arguments: Arguments) -> Exit {
     let context = Context {
         disk: Disk::new(),
         scratch: scratch_root.join(scratch_name(&name, &output)),
-        threads: arguments.threads.map_or_else(crate::stage::machine::threads, usize::from),
-        memory_limit: arguments.memory_limit.unwrap_or_else(crate::stage::machine::default_memory_limit),
+        threads: arguments.threads.map_or_else(crate::platform::limits::threads, usize::from),
+        memory_limit: arguments.memory_limit.unwrap_or_else(crate::platform::limits::default_memory_limit),
         cancel: Cancel::default(),
         progress: Arc::new(Progress::default()),
     };
@@ -114,9 +114,9 @@ pub fn run(arguments: Arguments) -> Exit {
         // Hashing would read every file once more.
         hashes: HashMap::new(),
     };
-    crate::daemon::signals::cancel_on_signal(&context.cancel);
+    crate::serve::signals::cancel_on_signal(&context.cancel);
     let style = arguments.progress;
-    let result = progress::shown(style, &context.progress, || conduct::convert(&request, &context));
+    let result = progress::shown(style, &context.progress, || run::convert(&request, &context));
     match result {
         Ok(outcome) => {
             progress::finished(style, &outcome);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::output::say;
 use super::{Exit, grouped};
 use crate::export::{Request, export};
-use crate::stage::machine;
+use crate::platform::limits;
 use crate::words::Plain;
 
 /// Write the points of an octree or a COPC file as LAS or LAZ, with all attributes
@@ -66,7 +66,7 @@ pub fn run(arguments: Arguments) -> Exit {
         bounds: arguments.bounds.map(|Bounds(low, high)| (low, high)),
         level: arguments.level,
         point_format: arguments.point_format,
-        memory_limit: arguments.memory_limit.unwrap_or_else(machine::default_memory_limit),
+        memory_limit: arguments.memory_limit.unwrap_or_else(limits::default_memory_limit),
     };
     match pool.install(|| export(&request)) {
         Ok(exported) => {

@@ -9,12 +9,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::{Exit, grouped, output};
-use crate::cloud::attribute::Scalar;
 use crate::format::copc::is_copc;
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::{self, Metadata, MetadataAttribute, Node, files};
-use crate::stage::machine::default_memory_limit;
+use crate::octree::attribute::Scalar;
+use crate::platform::limits::default_memory_limit;
 use crate::words::{self, Plain};
 
 /// Describe an octree or a LAS/LAZ file

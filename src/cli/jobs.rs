@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::{Exit, failed, output};
-use crate::clock::Clock;
-use crate::config::Layer;
-use crate::config::age::Age;
-use crate::config::size::Size;
-use crate::job::facts::Facts;
-use crate::job::time;
-use crate::job::{Event, Input, Job, JobId, State};
-use crate::store::{Attempt, History, Store, StoreError};
+use crate::platform::clock::Clock;
+use crate::serve::config::Layer;
+use crate::serve::config::age::Age;
+use crate::serve::config::size::Size;
+use crate::serve::job::facts::Facts;
+use crate::serve::job::time;
+use crate::serve::job::{Event, Input, Job, JobId, State};
+use crate::serve::queue::{Attempt, History, Store, StoreError};
 use crate::words::Plain;
 
 /// List, show and control the jobs of the queue

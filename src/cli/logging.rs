@@ -6,7 +6,7 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
 use super::output;
-use crate::config::logging::{DEFAULT_FILTER, LogFormat};
+use crate::serve::config::logging::{DEFAULT_FILTER, LogFormat};
 
 /// Starts it; a filter that is none is told, and what `info` logs is logged.
 pub(super) fn start(log: Option<&str>, format: Option<LogFormat>) {
@@ -26,7 +26,7 @@ pub(super) fn start(log: Option<&str>, format: Option<LogFormat>) {
     };
     // What is kept with jobs does not hang on what is written now.
     let of_jobs = Targets::new().with_target("lodestone", LevelFilter::DEBUG);
-    let jobs = crate::log::JobLines.with_filter(of_jobs);
+    let jobs = crate::serve::log::JobLines.with_filter(of_jobs);
     tracing_subscriber::registry().with(layer.with_filter(filter)).with(jobs).init();
 }
 
@@ -53,7 +53,9 @@ mod tests {
 
     #[test]
     fn levels_are_read_in_any_letter_case() {
-        for text in ["info", "DEBUG", "Off", "lodestone::engine=Debug", "warn,lodestone=trace", "lodestone"] {
+        for text in
+            ["info", "DEBUG", "Off", "lodestone::serve::scheduler=Debug", "warn,lodestone=trace", "lodestone"]
+        {
             assert!(filter(text).is_ok(), "{text}");
         }
         for (text, word) in [("inof", "`inof`"), ("info,verbose", "`verbose`"), ("lodestone=loud", "none")] {

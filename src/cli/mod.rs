@@ -21,9 +21,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::config::logging::LogFormat;
-use crate::daemon::init;
-use crate::stage::machine;
+use crate::platform::limits;
+use crate::serve::config::logging::LogFormat;
+use crate::serve::init;
 
 /// How a command ended; the numbers are what scripts rely on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub enum Exit {
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// What to log, as in `info`, `debug` or `lodestone::engine=debug` [default: info].
+    /// What to log, as in `info`, `debug` or `lodestone::serve::scheduler=debug` [default: info].
     #[arg(long, global = true, env = "LODESTONE_LOG", value_name = "FILTER")]
     log: Option<String>,
     /// How to log: for people, or a JSON object a line [default: auto].
@@ -110,7 +110,7 @@ pub fn run() -> ExitCode {
 /// Threads to work with; all that the machine or container grants if their number is not
 /// given.
 fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let threads = threads.map_or_else(machine::threads, usize::from);
+    let threads = threads.map_or_else(limits::threads, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build()
 }
 

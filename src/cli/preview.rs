@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use super::output::say;
 use super::{Exit, sheet};
-use crate::disk::Disk;
-use crate::render::colour::ColorBy;
+use crate::convert::context::{Cancel, Context, Progress};
+use crate::convert::preview::{Options, Preview, Still, Turntable, preview};
+use crate::platform::disk::Disk;
+use crate::platform::limits;
+use crate::render::color::ColorBy;
 use crate::render::framing::View;
+use crate::render::octree_renderer::Quality;
 use crate::render::renderer::Choice;
-use crate::render::studio::Quality;
-use crate::stage::context::{Cancel, Context, Progress};
-use crate::stage::machine;
-use crate::stage::preview::{Options, Preview, Still, Turntable, preview};
 use crate::words::Plain;
 
 /// Draw a thumbnail, an overview and a turntable of octrees; no display, driver or viewer needed
@@ -122,7 +122,7 @@ fn context(into: &Path, threads: usize) -> Context {
         disk: Disk::new(),
         scratch: into.to_path_buf(),
         threads,
-        memory_limit: machine::default_memory_limit(),
+        memory_limit: limits::default_memory_limit(),
         cancel: Cancel::default(),
         progress: Arc::new(Progress::default()),
     }

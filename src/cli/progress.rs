@@ -9,8 +9,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 
 use super::output;
-use crate::engine::conduct::{ConductError, Outcome};
-use crate::stage::context::{Progress, Snapshot, Stage};
+use crate::convert::context::{Progress, Snapshot, Stage};
+use crate::convert::run::{ConductError, Outcome};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Style {

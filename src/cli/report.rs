@@ -7,12 +7,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::{self, say};
 use super::{Exit, failed};
-use crate::measure::compare;
-use crate::measure::means::{Means, MeasureError, Step};
-use crate::measure::stability::{self, Row};
-use crate::stage::context::Cancel;
-use crate::stage::machine;
-use crate::synth::Kind;
+use crate::convert::context::Cancel;
+use crate::lab::compare;
+use crate::lab::settings::{Means, MeasureError, Step};
+use crate::lab::stability::{self, Row};
+use crate::lab::synth::Kind;
+use crate::platform::limits;
 
 /// Measure this program: speed against accuracy of its methods, or its stability
 #[derive(Debug, clap::Args)]
@@ -71,13 +71,13 @@ pub fn run(arguments: Arguments) -> Exit {
     };
     let means = Means {
         program,
-        threads: arguments.threads.map_or_else(machine::threads, usize::from),
+        threads: arguments.threads.map_or_else(limits::threads, usize::from),
         rounds: usize::from(arguments.rounds),
         folder: arguments.temp_dir.clone().unwrap_or_else(std::env::temp_dir),
         cancel: Cancel::default(),
     };
     // Clouds of gigabytes are not to stay behind when somebody has waited enough.
-    crate::daemon::signals::cancel_on_signal(&means.cancel);
+    crate::serve::signals::cancel_on_signal(&means.cancel);
     let outcome = match arguments.stability {
         true => stability(arguments, means),
         false => comparison(arguments, means),

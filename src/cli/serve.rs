@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::{Exit, failed, output};
-use crate::config::logging::LogFormat;
-use crate::config::{Config, ConfigError, Layer};
-use crate::daemon;
-use crate::engine::converter::Conduct;
+use crate::serve;
+use crate::serve::config::logging::LogFormat;
+use crate::serve::config::{Config, ConfigError, Layer};
+use crate::serve::scheduler::converter::Conduct;
 
 /// Watch folders and convert what is dropped into them.
 #[derive(Debug, clap::Args)]
@@ -49,7 +49,7 @@ pub fn run(arguments: Arguments) -> Exit {
             return output::misused(&error);
         }
     };
-    match daemon::run(config, Arc::new(Conduct)) {
+    match serve::run(config, Arc::new(Conduct)) {
         Ok(()) => Exit::Done,
         Err(error) => failed(&error),
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::stage::preview::Preview;
+use crate::convert::preview::Preview;
 
 /// The page; `entries` are the folders of pictures beside it and what they hold.
 pub fn page(entries: &[(String, Preview)]) -> String {

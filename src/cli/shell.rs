@@ -8,7 +8,7 @@ use clap_complete::Shell;
 
 use super::output::say;
 use super::{Exit, failed, output};
-use crate::disk::Disk;
+use crate::platform::disk::Disk;
 
 /// Print what completes this program's commands and flags in a shell
 ///

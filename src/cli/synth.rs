@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{Exit, failed};
 use crate::format::las::{LasError, LasOptions, LasWriter, Vlr};
-use crate::synth::{Kind, Recipe, Scene, SceneError, Tile};
+use crate::lab::synth::{Kind, Recipe, Scene, SceneError, Tile};
 
 /// Make a synthetic cloud: the same bytes from the same seed on every machine.
 #[derive(Debug, clap::Args)]

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use super::Exit;
 use super::output::say;
-use crate::stage::machine;
-use crate::stage::options::Damaged;
+use crate::convert::options::Damaged;
+use crate::platform::limits;
 use crate::verify::{self, Request, Spacing};
 
 /// Check an octree, alone or against the files that it was made of
@@ -45,7 +45,7 @@ pub fn run(arguments: Arguments) -> Exit {
         octree: arguments.octree,
         against: arguments.against,
         damaged: arguments.damaged == Damaged::Keep,
-        memory_limit: arguments.memory_limit.unwrap_or_else(machine::default_memory_limit),
+        memory_limit: arguments.memory_limit.unwrap_or_else(limits::default_memory_limit),
         spacing: arguments.spacing,
     };
     let started = Instant::now();

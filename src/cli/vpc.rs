@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::output::{complain, say};
 use super::{Exit, grouped};
-use crate::disk::Disk;
 use crate::export::vpc;
-use crate::stage::machine;
+use crate::platform::disk::Disk;
+use crate::platform::limits;
 use crate::words::Plain;
 
 /// List the COPC files of a folder as one virtual point cloud, which QGIS and PDAL open as one
@@ -34,7 +34,7 @@ pub fn run(arguments: Arguments) -> Exit {
     }
     let output = arguments.output.unwrap_or_else(|| folder.join(format!("{}.vpc", name_of(&folder))));
     let beside = output.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let made = vpc::list(&folder, beside, arguments.overview.as_deref(), machine::default_memory_limit());
+    let made = vpc::list(&folder, beside, arguments.overview.as_deref(), limits::default_memory_limit());
     for (path, reason) in &made.left_out {
         complain(format_args!("{} is left out: {}", Plain(path.display()), Plain(reason)));
     }

@@ -6,12 +6,12 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
-use crate::cloud::attribute::Schema;
 use crate::format::copc::{CopcFile, ENDING, Entry, is_copc};
 use crate::format::las::{GpsTime, Vlr};
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::{self, Encoding, Metadata, PotreeError, decode_node, files};
+use crate::octree::attribute::Schema;
 
 /// Seconds of a week: GPS times beyond are none of one.
 const WEEK: f64 = 604_800.0;
@@ -62,7 +62,7 @@ impl Cloud {
                 true => Ok(of_copc(CopcFile::open(path, memory_limit)?)),
                 // What cannot be opened says why; anything else is no COPC.
                 false => match fs::File::open(path) {
-                    Err(error) => Err(crate::disk::DiskError::new("open", path, error).into()),
+                    Err(error) => Err(crate::platform::disk::DiskError::new("open", path, error).into()),
                     Ok(_) => Err(ExportError::NoCloud(path.to_path_buf())),
                 },
             };
@@ -113,7 +113,7 @@ impl Cloud {
                 }
                 let mut stored = files::zeroed(node.size).map_err(of_octree)?;
                 file.read_exact_at(&mut stored, node.offset).map_err(|error| {
-                    crate::disk::DiskError::new("read", &folder.join(potree::OCTREE), error)
+                    crate::platform::disk::DiskError::new("read", &folder.join(potree::OCTREE), error)
                 })?;
                 match encoding {
                     Encoding::Default => Ok(stored),

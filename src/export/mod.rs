@@ -8,10 +8,10 @@ pub mod vpc;
 
 use std::path::PathBuf;
 
-use crate::disk::DiskError;
 use crate::format::copc::CopcError;
 use crate::format::las::LasError;
 use crate::format::potree::PotreeError;
+use crate::platform::disk::DiskError;
 
 pub use points::export;
 

@@ -1,7 +1,7 @@
 //! Records without the colors that coarse levels have instead of their own: what was put
 //! in does not have them.
 
-use crate::cloud::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
+use crate::octree::attribute::{RGB, RGB_AVERAGE, RGB_ORIGINAL, Schema};
 
 /// Which bytes of a record are taken.
 pub struct Pick {
@@ -50,7 +50,7 @@ impl Pick {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::attribute::{Attribute, Scalar};
+    use crate::octree::attribute::{Attribute, Scalar};
 
     #[test]
     fn own_colors_take_the_place_of_averages() {

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use super::cloud::{Cloud, Node};
 use super::pick::Pick;
 use super::{ExportError, Exported, Request};
-use crate::cloud::record::raw_position;
-use crate::disk::Disk;
 use crate::format::copc::{Described, Layout};
 use crate::format::las::{GpsTime, LasOptions, LasWriter};
+use crate::octree::record::raw_position;
+use crate::platform::disk::Disk;
 
 /// Exports to a hidden file beside the output, which gets its name when all points are in
 /// it. Works on the threads of the current rayon pool.

@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 
 use super::ExportError;
 use super::cloud::copc_in;
-use crate::cloud::attribute::Scalar;
 use crate::format::copc::{CopcFile, ENDING};
 use crate::format::crs::ToDegrees;
 use crate::format::las::GpsTime;
+use crate::octree::attribute::Scalar;
 
 /// Points on an edge of a box whose place on Earth is looked up: edges are curves there.
 const STEPS: u32 = 8;

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::error::Result;
-use crate::cloud::attribute::{RGB_AVERAGE, Schema};
-use crate::cloud::statistics::AttributeStatistics;
 use crate::format::copc::{CopcFile, ENDING, Entry};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Encoding, Generator, Metadata, Node, NodeName, attribute_entry};
+use crate::octree::attribute::{RGB_AVERAGE, Schema};
+use crate::octree::statistics::AttributeStatistics;
 
 /// Memory for the nodes of a file, and for a node's points.
 const MEMORY: u64 = 512 << 20;

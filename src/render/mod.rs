@@ -16,24 +16,24 @@
 //! nodes after Scheiblauer's thesis.
 
 pub mod camera;
-pub mod colour;
+pub mod ceiling;
+pub mod color;
 mod copc;
 pub mod cpu;
-pub mod cutaway;
 pub mod encode;
 mod error;
 pub mod frame;
 pub mod framing;
 pub mod gpu;
 pub mod kernel;
-mod lone;
+mod lone_points;
+pub mod node_selection;
 pub mod octree;
+pub mod octree_renderer;
 pub mod palette;
 mod plane;
 pub mod renderer;
 pub mod sample;
 pub mod scene;
-pub mod select;
-pub mod studio;
 
 pub use error::{RenderError, Result};

@@ -13,12 +13,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::copc::{self, CopcNodes};
 use super::error::{RenderError, Result};
-use crate::cloud::attribute::Schema;
 use crate::format::crs;
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::{
     self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, files,
 };
+use crate::octree::attribute::Schema;
 
 /// Nodes that are held at a time, from as many chunks as were looked at; pictures
 /// look at some thousands.

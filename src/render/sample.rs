@@ -2,7 +2,7 @@
 //! thousand, from which framing and colours are decided.
 
 use super::error::{RenderError, Result};
-use super::lone::without_lone;
+use super::lone_points::without_lone;
 use super::octree::Octree;
 use crate::format::potree::{Node, NodeName};
 

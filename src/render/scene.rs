@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::colour::Painter;
+use super::color::Painter;
 use super::error::Result;
 use super::frame::{Splat, radius_code};
+use super::node_selection::{Chosen, POISSON_DENSITY, bounds_of_points};
 use super::octree::Octree;
-use super::select::{Chosen, POISSON_DENSITY, bounds_of_points};
 use crate::format::potree::NodeName;
 
 /// A disc of this many spacings around each point leaves hardly a gap between

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 use super::digest::Sum;
 use super::octree::{Octree, entry_of};
 use super::report::{Check, Findings, Outcome, Report, grouped};
-use super::{Request, VerifyError, against, inputs, structure};
-use crate::cloud::node::NodeKey;
+use super::{Request, VerifyError, compare_inputs, inputs, structure};
 use crate::format::copc::hierarchy::name;
 use crate::format::copc::{CopcError, CopcFile, Entry};
+use crate::octree::node::NodeKey;
 
 /// Checks a COPC file, on the threads of the current rayon pool.
 pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyError> {
@@ -42,7 +42,7 @@ pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyErro
     }
     let walk = walk(&octree, !files.is_empty());
     if !files.is_empty() {
-        report.against = Some(against::compare(&octree, &walk.sum, files, request)?);
+        report.against = Some(compare_inputs::compare(&octree, &walk.sum, files, request)?);
     }
     report.checks.extend(octree.copc().map(|file| walk.checks(file)).into_iter().flatten());
     report.judge();

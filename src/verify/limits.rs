@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-use crate::cloud::attribute::Schema;
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::{Metadata, Node, NodeName};
+use crate::octree::attribute::Schema;
 
 /// Bytes of unpacked nodes that are believed of any file.
 const ALWAYS_BELIEVED: u64 = 256 << 20;

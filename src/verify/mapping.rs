@@ -2,8 +2,8 @@
 //! bits of each attribute by the tables of LAS 1.4 R15 (7 to 17), written down
 //! here once more, independent of the converter's own.
 
-use crate::cloud::attribute::{Attribute, ExtraField, Scalar, Schema};
 use crate::format::las::Header;
+use crate::octree::attribute::{Attribute, ExtraField, Scalar, Schema};
 
 use super::octree::Octree;
 use super::report::PositionError;

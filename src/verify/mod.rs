@@ -6,8 +6,8 @@
 //! `lod`, and the meaning of LAS records is written down a second time. Shared
 //! with the converter is only what reads the formats.
 
-mod against;
-mod colours;
+mod colors;
+mod compare_inputs;
 mod copc;
 mod cube;
 mod digest;
@@ -15,17 +15,17 @@ mod inputs;
 mod limits;
 mod mapping;
 mod octree;
+mod point_pass;
 mod promises;
+mod recomputed_statistics;
 mod report;
 mod spacing;
 mod structure;
-mod tally;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod tests_support;
 mod value;
-mod walk;
 
 use std::path::PathBuf;
 
@@ -34,8 +34,8 @@ use crate::format::inputs::{InputsError, expand};
 use crate::format::las::LasError;
 use crate::format::potree::{Metadata, PotreeError};
 use octree::{Octree, Opened};
+pub use point_pass::Spacing;
 pub use report::{Check, Comparison, Outcome, PositionError, Report, grouped};
-pub use walk::Spacing;
 
 /// What is to be verified.
 #[derive(Debug, Clone)]
@@ -98,9 +98,9 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
     if request.damaged {
         octree.readable = inputs::readable(&files, &octree.metadata)?;
     }
-    let walk = walk::walk(&octree, !files.is_empty());
+    let walk = point_pass::walk(&octree, !files.is_empty());
     if !files.is_empty() {
-        report.against = Some(against::compare(&octree, &walk.sum, &files, request)?);
+        report.against = Some(compare_inputs::compare(&octree, &walk.sum, &files, request)?);
     }
     report.checks.extend(walk.checks(&octree, request.spacing));
     report.judge();

@@ -8,11 +8,9 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::colours::Colours;
+use super::colors::Colours;
 use super::limits::{self, Purse};
 use super::structure;
-use crate::cloud::attribute::{RGB_AVERAGE, RGB_ORIGINAL, Schema};
-use crate::disk::others::{Links, read_file};
 use crate::format::copc::{CopcCube, CopcError, CopcFile, Entry, hierarchy};
 use crate::format::las::LasFile;
 use crate::format::potree::Generator;
@@ -20,6 +18,8 @@ use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Encoding, Metadata, Node, NodeName, PotreeError, files};
+use crate::octree::attribute::{RGB_AVERAGE, RGB_ORIGINAL, Schema};
+use crate::platform::disk::others::{Links, read_file};
 
 /// Points of a block that is read at once, and its bytes.
 const BLOCK: usize = 1 << 16;

@@ -1,7 +1,7 @@
 //! What can be checked without the points: metadata, hierarchy, byte ranges,
 //! counts.
 
-use super::colours;
+use super::colors;
 use super::octree::Octree;
 use super::report::{Check, Findings, grouped, plural};
 use crate::format::potree::hierarchy::Oddity;
@@ -35,7 +35,7 @@ pub fn metadata(metadata: &Metadata) -> Check {
     let names: Vec<&str> = metadata.attributes.iter().map(|a| a.name.as_str()).collect();
     let doubled = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
     must(doubled.is_none(), "two attributes have the same name");
-    must(colours::are_there(metadata), "the averaged colours that it speaks of are not among the attributes");
+    must(colors::are_there(metadata), "the averaged colours that it speaks of are not among the attributes");
     let ratio = (sides[0] / metadata.spacing).round();
     let attributes = metadata.attributes.len();
     let fine = format!("{attributes} attributes; cube of {:.3}, root spacing 1/{ratio} of it", sides[0]);

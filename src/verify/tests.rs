@@ -9,10 +9,10 @@ use proptest::prelude::*;
 
 use super::tests_support::{Draft, draft, schema};
 use super::*;
-use crate::cloud::attribute::{ExtraField, Scalar};
 use crate::format::las::{LasOptions, LasWriter};
 use crate::format::potree::hierarchy::RECORD;
 use crate::format::potree::{Encoding, HIERARCHY, METADATA, OCTREE};
+use crate::octree::attribute::{ExtraField, Scalar};
 
 /// Exponent of the lattice that the test clouds lie on.
 const EXPONENT: i32 = 12;

@@ -4,13 +4,13 @@
 use std::fs;
 use std::path::Path;
 
-use crate::cloud::attribute::{Attribute, Scalar, Schema};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{
     Encoding, Generator, HIERARCHY, METADATA, Metadata, MetadataAttribute, Node, NodeName, OCTREE,
     attribute_entry, encode_brotli, write_hierarchy,
 };
-use crate::verify::tally::Tally;
+use crate::octree::attribute::{Attribute, Scalar, Schema};
+use crate::verify::recomputed_statistics::Tally;
 
 /// Metadata of a lattice with a unit of 1 and a cube of 2^`exponent` units.
 pub fn metadata(exponent: i32) -> Metadata {

@@ -1,6 +1,6 @@
 //! Attribute values in words, for examples of faults.
 
-use crate::cloud::attribute::{Attribute, Scalar, Schema};
+use crate::octree::attribute::{Attribute, Scalar, Schema};
 
 /// The attributes in which two records differ: "name: 1 instead of 2".
 pub fn differences(schema: &Schema, expected: &[u8], found: &[u8]) -> Vec<String> {

@@ -21,7 +21,7 @@ fn words(text: &str, beginning: &str) -> BTreeSet<String> {
 
 #[test]
 fn alerts_ask_for_series_that_there_are() {
-    let known = words(&read("src/metrics.rs"), "lodestone_");
+    let known = words(&read("src/serve/metrics.rs"), "lodestone_");
     let asked = words(&read("deploy/alerts.yml"), "lodestone_");
     assert!(asked.len() >= 5, "{asked:?}");
     let unknown: Vec<_> = asked.difference(&known).collect();

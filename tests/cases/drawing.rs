@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 
 use crate::common::judge::{patch, write_points, write_scene};
 use crate::common::{mix, options_of, write_las};
+use lodestone::convert::options::{Encoding, Options};
+use lodestone::convert::preview::{self, preview};
 use lodestone::format::potree::{self, Metadata};
-use lodestone::measure::flip;
+use lodestone::lab::flip;
+use lodestone::lab::synth::{Kind, Recipe};
 use lodestone::render::RenderError;
-use lodestone::render::colour::ColorBy;
+use lodestone::render::color::ColorBy;
 use lodestone::render::frame::{Background, Picture};
 use lodestone::render::framing::View;
+use lodestone::render::octree_renderer::{Quality, Studio};
 use lodestone::render::renderer::Choice;
-use lodestone::render::studio::{Quality, Studio};
-use lodestone::stage::options::{Encoding, Options};
-use lodestone::stage::preview::{self, preview};
-use lodestone::synth::{Kind, Recipe};
 
 const SIZE: [u32; 2] = [128, 128];
 

@@ -7,14 +7,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::judge::write_scene;
-use lodestone::measure::flip;
-use lodestone::render::colour::ColorBy;
+use lodestone::convert::options::Options;
+use lodestone::lab::flip;
+use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::render::color::ColorBy;
 use lodestone::render::frame::Background;
 use lodestone::render::framing::View;
+use lodestone::render::octree_renderer::{Quality, Studio};
 use lodestone::render::renderer::{Choice, Renderer};
-use lodestone::render::studio::{Quality, Studio};
-use lodestone::stage::options::Options;
-use lodestone::synth::{Kind, Recipe};
 
 const VIEWS: [View; 5] = [View::Overview, View::Top, View::Grazing, View::Close, View::Inside];
 

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use lodestone::convert::options::{Mode, Options};
 use lodestone::format::las::{LasOptions, Vlr};
-use lodestone::render::colour::ColorBy;
+use lodestone::render::color::ColorBy;
 use lodestone::render::frame::{Background, Picture};
 use lodestone::render::framing::View;
+use lodestone::render::octree_renderer::{Quality, Studio};
 use lodestone::render::renderer::Choice;
-use lodestone::render::studio::{Quality, Studio};
-use lodestone::stage::options::{Mode, Options};
 
 use crate::cases;
 use crate::common::{self, mix, options_of, write_las};

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::format::las::{LasOptions, LasWriter};
 use lodestone::format::potree::{HIERARCHY, Metadata, Node, OCTREE, decode_node, read_hierarchy};
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 fn is_wanted() -> bool {
     let wanted = std::env::var("LODESTONE_VIEWER").is_ok_and(|value| value == "1");

@@ -4,11 +4,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lodestone::engine::conduct::{self, Outcome};
+use lodestone::convert::options::{Options, Sampling};
+use lodestone::convert::run::{self, Outcome};
 use lodestone::format::las::{LasOptions, LasWriter};
 use lodestone::format::potree::{self, Metadata};
-use lodestone::stage::options::{Options, Sampling};
-use lodestone::synth::{Recipe, Scene};
+use lodestone::lab::synth::{Recipe, Scene};
 use lodestone::verify::{self, Report};
 
 use super::{context, mix, octree_bytes, options_of, request};
@@ -31,7 +31,7 @@ pub fn held_with(input: &Path, output: &Path, options: &Options, memory: u64) ->
     let _ = fs::remove_dir_all(output);
     let inputs = [input.to_path_buf()];
     let means = context(output.parent().unwrap(), 2, memory);
-    let outcome = conduct::convert(&request(&inputs, output, options), &means).unwrap();
+    let outcome = run::convert(&request(&inputs, output, options), &means).unwrap();
     let report = verify::verify(&verify::Request {
         octree: output.to_path_buf(),
         against: inputs.to_vec(),

@@ -8,12 +8,12 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use lodestone::disk::Disk;
-use lodestone::engine::conduct::{self, ConductError, Outcome, Request};
+use lodestone::convert::context::{Cancel, Context, Progress};
+use lodestone::convert::options::Options;
+use lodestone::convert::run::{self, ConductError, Outcome, Request};
 use lodestone::format::las::{LasOptions, LasWriter, record_length};
 use lodestone::format::potree::{self, Metadata};
-use lodestone::stage::context::{Cancel, Context, Progress};
-use lodestone::stage::options::Options;
+use lodestone::platform::disk::Disk;
 
 /// The folder of real clouds, where there is one.
 pub fn data() -> Option<PathBuf> {
@@ -135,7 +135,7 @@ pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> Request 
 
 /// Converts with plenty of memory on two threads.
 pub fn convert(inputs: &[PathBuf], output: &Path, options: &Options) -> Result<Outcome, ConductError> {
-    conduct::convert(&request(inputs, output, options), &context(output.parent().unwrap(), 2, 1 << 30))
+    run::convert(&request(inputs, output, options), &context(output.parent().unwrap(), 2, 1 << 30))
 }
 
 /// The three files of an octree.

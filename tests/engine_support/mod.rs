@@ -10,15 +10,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
-use lodestone::clock::Clock;
-use lodestone::config::{Config, Layer};
-use lodestone::disk::Disk;
-use lodestone::engine::converter::Converter;
-use lodestone::engine::{Engine, Tools};
-use lodestone::job::{Input, Job, State};
-use lodestone::metrics::Metrics;
-use lodestone::store::board::Board;
-use lodestone::store::{Admission, Arrival, Kind, Store};
+use lodestone::platform::clock::Clock;
+use lodestone::platform::disk::Disk;
+use lodestone::serve::config::{Config, Layer};
+use lodestone::serve::job::{Input, Job, State};
+use lodestone::serve::metrics::Metrics;
+use lodestone::serve::queue::progress::Board;
+use lodestone::serve::queue::{Admission, Arrival, Kind, Store};
+use lodestone::serve::scheduler::converter::Converter;
+use lodestone::serve::scheduler::{Engine, Tools};
 
 /// However busy the machine is, what has not come by then does not come.
 pub const PATIENCE: Duration = Duration::from_secs(150);

@@ -10,12 +10,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use lodestone::disk::Disk;
+use lodestone::convert::checkpoint::journal::{self, Journal};
+use lodestone::convert::checkpoint::receipt::{Past, units_in};
 use lodestone::format::las::{Checked, LasFile};
 use lodestone::format::potree::{self, Metadata};
-use lodestone::stage::journal::{self, Journal};
-use lodestone::stage::receipt::{Past, units_in};
-use lodestone::watch::marker::{self, Marker};
+use lodestone::platform::disk::Disk;
+use lodestone::serve::watch::marker::{self, Marker};
 
 /// Points that are decoded of one input; a few bytes can be millions.
 const MOST_POINTS: u64 = 200_000;

@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use lodestone::engine::converter::{Converter, Failure, Report, Work};
+use lodestone::convert::context::{Cancel, Context, Stage};
+use lodestone::convert::preview::{Options, Preview};
 use lodestone::render::{self, RenderError};
-use lodestone::stage::context::{Cancel, Context, Stage};
-use lodestone::stage::preview::{Options, Preview};
+use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
 
 use crate::content::{self, Nature};
 use crate::dice::Dice;

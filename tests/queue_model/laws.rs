@@ -4,10 +4,13 @@
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
 
-use lodestone::config::sources::OnDone;
-use lodestone::disk::Disk;
-use lodestone::job::{Event, Job, State, machine};
-use lodestone::store::Drawn;
+use lodestone::platform::disk::Disk;
+use lodestone::serve::config::sources::OnDone;
+use lodestone::serve::job::Event;
+use lodestone::serve::job::Job;
+use lodestone::serve::job::State;
+use lodestone::serve::job::state_machine;
+use lodestone::serve::queue::Drawn;
 use sqlx::{Connection, Row, SqliteConnection};
 
 use crate::Broken;
@@ -153,7 +156,8 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
             },
         };
         let state = ledger.states.get(job).copied().ok_or(format!("job {job} began with {kind}"))?;
-        let next = machine::next(state, event).ok_or(format!("job {job}: {kind} of a {state:?} job"))?;
+        let next =
+            state_machine::next(state, event).ok_or(format!("job {job}: {kind} of a {state:?} job"))?;
         ledger.states.insert(*job, next);
         match event {
             Event::Retry | Event::Release => ledger.renewed.insert(*job),

@@ -5,9 +5,11 @@ use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use lodestone::disk::Disk;
-use lodestone::job::{Event, State, machine};
-use lodestone::store::StoreError;
+use lodestone::platform::disk::Disk;
+use lodestone::serve::job::Event;
+use lodestone::serve::job::State;
+use lodestone::serve::job::state_machine;
+use lodestone::serve::queue::StoreError;
 
 use crate::Broken;
 use crate::content::{self, CONTENTS};
@@ -92,7 +94,7 @@ fn place(world: &World, dice: &mut Dice) -> PathBuf {
     let places = world.places();
     // A crowd in few places: that is where things meet.
     let place = if dice.percent(50) { &places[dice.below(2)] } else { dice.pick(&places) };
-    if world.folders().contains(&place) {
+    if world.folders().contains(place) {
         // One of them on its way, as rsync has it.
         return place.join(dice.pick(&["t1.las", "t2.las", "t1.las", "t2.las", ".t2.las.Xy12Zw"]));
     }
@@ -303,7 +305,7 @@ fn order(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
     let job = dice.pick(&jobs);
     let answer = life.runtime.block_on(life.store.order(job.id, event, now));
     match &answer {
-        Ok(_) if machine::next(job.state, event).is_none() => {
+        Ok(_) if state_machine::next(job.state, event).is_none() => {
             return Err(format!("{event:?} of a {:?} job was obeyed", job.state));
         }
         Ok(_) => {}

@@ -12,14 +12,14 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::task::Poll;
 use std::time::{Duration, SystemTime};
 
-use lodestone::config::Config;
-use lodestone::disk::Disk;
-use lodestone::engine::Engine;
-use lodestone::engine::intake::{self, Taken};
-use lodestone::job::State;
-use lodestone::store::{Admission, Store};
-use lodestone::watch::settle::Limits;
-use lodestone::watch::{Report, Watcher};
+use lodestone::platform::disk::Disk;
+use lodestone::serve::config::Config;
+use lodestone::serve::job::State;
+use lodestone::serve::queue::{Admission, Store};
+use lodestone::serve::scheduler::Engine;
+use lodestone::serve::scheduler::enqueue::{self, Taken};
+use lodestone::serve::watch::settle::Limits;
+use lodestone::serve::watch::{Report, Watcher};
 use tokio::runtime::Runtime;
 
 use crate::Broken;
@@ -265,7 +265,7 @@ impl Life {
         let mut report = self.watcher.scan(now);
         for found in std::mem::take(&mut report.found) {
             let held = content::on_disk(&found.path);
-            let taking = intake::take_in(&self.store, found, config, now);
+            let taking = enqueue::take_in(&self.store, found, config, now);
             match self.runtime.block_on(cut_off(taking, polls)) {
                 None => return Ok(None),
                 Some(Err(error)) => return Err(format!("not taken in: {error}")),
@@ -309,7 +309,7 @@ impl Life {
         }
     }
 
-    pub fn jobs(&self) -> Vec<lodestone::job::Job> {
+    pub fn jobs(&self) -> Vec<lodestone::serve::job::Job> {
         self.runtime.block_on(self.store.jobs(None, None, 10_000)).expect("jobs")
     }
 

@@ -11,7 +11,7 @@ use crate::format::potree::{self, Metadata, Node};
 
 /// What a LAS or LAZ file says of itself.
 pub(super) fn las(path: &Path, header: &Header) -> Value {
-    let field = |field: &crate::cloud::attribute::ExtraField| {
+    let field = |field: &crate::octree::attribute::ExtraField| {
         json!({
             "name": field.name,
             "type": field.scalar,

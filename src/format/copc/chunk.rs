@@ -79,7 +79,7 @@ impl ChunkDecoder {
 mod tests {
     use super::super::Described;
     use super::*;
-    use crate::cloud::attribute::{Attribute, Scalar, Schema};
+    use crate::octree::attribute::{Attribute, Scalar, Schema};
 
     #[test]
     fn chunks_come_back_and_damage_is_an_error() {

@@ -8,8 +8,8 @@
 
 use std::collections::HashMap;
 
-use crate::cloud::attribute::{Attribute, Scalar};
 use crate::format::las::UNDESCRIBED;
+use crate::octree::attribute::{Attribute, Scalar};
 
 /// Bytes of one description.
 pub const DESCRIPTOR: usize = 192;

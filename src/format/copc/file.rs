@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 use super::descriptor::Field;
 use super::hierarchy::{self, Entry, name};
 use super::{CopcError, Layout, statistics};
-use crate::cloud::attribute::Attribute;
-use crate::cloud::cube::Cube;
-use crate::cloud::lattice::Lattice;
-use crate::cloud::moments::Moments;
-use crate::cloud::statistics::Statistics;
 use crate::format::las::{Created, chunk_table, laszip_record};
+use crate::octree::attribute::Attribute;
+use crate::octree::cube::Cube;
+use crate::octree::lattice::Lattice;
+use crate::octree::moments::Moments;
+use crate::octree::statistics::Statistics;
 
 /// Bytes of the header of LAS 1.4.
 pub const HEADER: usize = 375;

@@ -6,7 +6,7 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
-use crate::cloud::node::NodeKey;
+use crate::octree::node::NodeKey;
 
 /// Bytes of an entry.
 pub const ENTRY: usize = 32;

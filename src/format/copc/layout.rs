@@ -8,10 +8,10 @@
 use super::CopcError;
 use super::descriptor::{self, Described, Field};
 use super::moves::Moves;
-use crate::cloud::attribute::{Attribute, ExtraField, RGB, RGB_AVERAGE, RGB_ORIGINAL, Scalar, Schema};
-use crate::cloud::naming::original_name;
-use crate::cloud::record::{Place, standard_attributes};
 use crate::format::las::record_length;
+use crate::octree::attribute::{Attribute, ExtraField, RGB, RGB_AVERAGE, RGB_ORIGINAL, Scalar, Schema};
+use crate::octree::attribute_names::original_name;
+use crate::octree::record::{Place, standard_attributes};
 
 /// The LAS field of scan angles as whole degrees (formats 0 to 5), and as 0.006 degrees.
 pub const RANK: &str = "scan angle rank";
@@ -223,7 +223,7 @@ fn is_ours(attribute: &Attribute) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::record::{Source, Unified};
+    use crate::octree::record::{Source, Unified};
     use proptest::prelude::*;
 
     fn source(format: u8, extra: Vec<ExtraField>) -> Source {

@@ -8,10 +8,10 @@ use super::file::{CELLS, SCHEMA_ID, SCHEMA_USER, Told};
 use super::hierarchy::{self, Bounds, Entry, Hierarchy};
 use super::source::{ChunkTable, Front, Place, Source, data};
 use super::{ChunkDecoder, CopcCube, CopcError, Described, Layout};
-use crate::cloud::attribute::{Attribute, Scalar, Schema};
-use crate::cloud::node::NodeKey;
-use crate::cloud::record::{self, Unified};
 use crate::format::las::{Header, LasFile};
+use crate::octree::attribute::{Attribute, Scalar, Schema};
+use crate::octree::node::NodeKey;
+use crate::octree::record::{self, Unified};
 
 /// Bytes of memory for a node of the hierarchy while it is read.
 const BYTES_PER_NODE: u64 = 200;

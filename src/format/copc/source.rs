@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use super::CopcError;
 use super::file::{EXTENDED_FRONT, HEADER, INFO, RECORD_FRONT};
-use crate::disk::others::{Links, open_file};
 use crate::format::las::{field_text, read_chunk_table};
+use crate::platform::disk::others::{Links, open_file};
 
 /// Records that are looked at; real files have a handful.
 const MAX_RECORDS: usize = 10_000;

@@ -7,9 +7,9 @@
 use serde_json::{Map, Value, json};
 
 use super::layout::{ANGLE, RANK};
-use crate::cloud::attribute::{Attribute, RGB, Schema};
-use crate::cloud::moments::{Moment, Moments};
-use crate::cloud::statistics::Statistics;
+use crate::octree::attribute::{Attribute, RGB, Schema};
+use crate::octree::moments::{Moment, Moments};
+use crate::octree::statistics::Statistics;
 
 /// Degrees of a unit of the fine scan angle.
 const ANGLE_UNIT: f64 = 0.006;
@@ -105,7 +105,7 @@ pub fn json(
 }
 
 fn byte_value(attribute: &Attribute, byte: u8) -> f64 {
-    match attribute.name == RANK || attribute.scalar == crate::cloud::attribute::Scalar::I8 {
+    match attribute.name == RANK || attribute.scalar == crate::octree::attribute::Scalar::I8 {
         true => f64::from(byte as i8),
         false => f64::from(byte),
     }
@@ -143,7 +143,7 @@ fn name(index: usize, attribute: &Attribute, element: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::attribute::Scalar;
+    use crate::octree::attribute::Scalar;
 
     #[test]
     fn statistics_are_in_the_words_of_qgis() {

@@ -1,14 +1,14 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::cloud::attribute::{ExtraField, Scalar};
-use crate::cloud::cube::Cube;
-use crate::cloud::lattice::{SourceGrid, choose};
-use crate::cloud::moments::Moments;
-use crate::cloud::node::NodeKey;
-use crate::cloud::record::{self, Unified};
-use crate::cloud::statistics::Statistics;
 use crate::format::las::{LasFile, record_length};
+use crate::octree::attribute::{ExtraField, Scalar};
+use crate::octree::cube::Cube;
+use crate::octree::lattice::{SourceGrid, choose};
+use crate::octree::moments::Moments;
+use crate::octree::node::NodeKey;
+use crate::octree::record::{self, Unified};
+use crate::octree::statistics::Statistics;
 
 /// Points of a small file: enough for a root and its children.
 const POINTS: u32 = 3_000;

@@ -3,9 +3,9 @@
 //! of a large file's.
 
 use super::LasError;
-use super::count::{Behind, Claims};
+use super::declared_counts::{Behind, Claims};
+use super::header_totals::returns_of;
 use super::source::Source;
-use super::tally::returns_of;
 use super::vlr;
 
 /// Records that are looked at, spread evenly.

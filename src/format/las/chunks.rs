@@ -6,7 +6,7 @@
 use super::behind::Reach;
 use super::chunk_table::{self, Table};
 use super::coding::Coding;
-use super::count::{Behind, Claims, Evidence, Verdict, judge};
+use super::declared_counts::{Behind, Claims, Evidence, Verdict, judge};
 use super::source::Source;
 use super::{LasError, Reading};
 

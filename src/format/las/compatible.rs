@@ -6,7 +6,7 @@
 use super::header::Header;
 use super::record_length;
 use super::vlr::Vlr;
-use crate::cloud::attribute::{ExtraField, Scalar};
+use crate::octree::attribute::{ExtraField, Scalar};
 
 /// The record that marks such a file. It holds what a header of LAS 1.4, or 1.5,
 /// has more than that of the file.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::disk::DiskError;
+use crate::platform::disk::DiskError;
 
 /// Every way in which reading or writing a LAS or LAZ file fails.
 #[derive(Debug, thiserror::Error)]

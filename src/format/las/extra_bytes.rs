@@ -5,7 +5,7 @@
 //! end of the point format's own. Whatever a record holds beyond its last
 //! described field becomes one more field, so that no byte is without a name.
 
-use crate::cloud::attribute::{ExtraField, Scalar};
+use crate::octree::attribute::{ExtraField, Scalar};
 
 /// Bytes of one description.
 const DESCRIPTOR: usize = 192;

@@ -8,7 +8,7 @@ use super::gps_time::GpsTime;
 use super::record_length;
 use super::source::Source;
 use super::vlr::{self, Vlr};
-use crate::cloud::attribute::ExtraField;
+use crate::octree::attribute::ExtraField;
 use crate::words;
 
 /// What a LAS or LAZ file says of itself, as far as it is true.

@@ -12,11 +12,11 @@ use laz::laszip::CompressorType;
 use super::behind::{Look, Reach, Records};
 use super::chunks::{Chunking, Layout, Located, Locator};
 use super::coding::Coding;
-use super::count::{Behind, Claims, Evidence, Verdict, judge};
+use super::declared_counts::{Behind, Claims, Evidence, Verdict, judge};
 use super::header::Front;
 use super::reader::Body;
+use super::sequential::Turnstile;
 use super::source::Source;
-use super::turnstile::Turnstile;
 use super::vlr::{self, Vlr};
 use super::{LasError, Reading};
 

@@ -4,7 +4,7 @@
 use super::LasError;
 use super::behind::by_share;
 use super::chunks::{Chunk, Chunking, Layout, Listed, Located, Locator};
-use super::count::{Behind, Evidence, Verdict, judge};
+use super::declared_counts::{Behind, Evidence, Verdict, judge};
 use super::explore::{Explored, ExploredTo, Explorer};
 use super::{Reading, stream};
 

@@ -11,11 +11,11 @@ use super::coding::Coding;
 use super::compatible::{self, Compatible};
 use super::gps_time::TimeShift;
 use super::header::{self, Header};
+use super::sequential::Turnstile;
 use super::source::Source;
 use super::stream::Broken;
-use super::turnstile::Turnstile;
 use super::{Reading, crs, extra_bytes, mend, points};
-use crate::disk::others::Links;
+use crate::platform::disk::others::Links;
 
 /// Decoded bytes of a slice at most, however many points were asked for.
 const MOST_SLICE: u64 = 128 << 20;

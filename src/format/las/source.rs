@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::error::LasError;
-use crate::disk::others::{self, Links};
+use crate::platform::disk::others::{self, Links};
 
 /// Handles that all sources together keep open. A data set may have more tiles
 /// than a process may have files; those beyond are opened for each read.

@@ -16,10 +16,10 @@ use super::coding::Coding;
 use super::error::LasError;
 use super::extra_bytes;
 use super::gps_time::GpsTime;
-use super::tally::Tally;
+use super::header_totals::Tally;
 use super::vlr::{self, Vlr};
-use crate::cloud::attribute::ExtraField;
-use crate::disk::{Disk, DiskFile};
+use crate::octree::attribute::ExtraField;
+use crate::platform::disk::{Disk, DiskFile};
 
 /// Points of a LAZ chunk.
 const CHUNK_POINTS: u32 = 50_000;

@@ -10,7 +10,7 @@ use super::error::{PotreeError, Result};
 use super::files;
 use super::metadata::Encoding;
 use super::morton;
-use crate::cloud::attribute::{Attribute, Scalar, Schema};
+use crate::octree::attribute::{Attribute, Scalar, Schema};
 
 /// Bytes of a decoded node beyond which it is not believed. A node that large
 /// (some 25 million points) is of no use to a viewer.

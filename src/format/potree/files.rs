@@ -12,7 +12,7 @@ use rustix::fs::{SeekFrom, seek};
 use rustix::io::Errno;
 
 use super::error::{PotreeError, Result};
-use crate::disk::others::{self, Links};
+use crate::platform::disk::others::{self, Links};
 
 /// Bytes of metadata.json at most: thousands of attributes with histograms take
 /// less.

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{PotreeError, Result};
 use super::json;
-use crate::cloud::attribute::{Attribute, Scalar, Schema};
-use crate::cloud::statistics::AttributeStatistics;
+use crate::octree::attribute::{Attribute, Scalar, Schema};
+use crate::octree::statistics::AttributeStatistics;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]

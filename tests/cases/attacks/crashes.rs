@@ -7,11 +7,11 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-use lodestone::engine::converter::{Converter, Failure, Report, Work};
-use lodestone::job::State;
+use lodestone::convert::context::Context;
+use lodestone::convert::preview::{Options, Preview};
 use lodestone::render::RenderError;
-use lodestone::stage::context::Context;
-use lodestone::stage::preview::{Options, Preview};
+use lodestone::serve::job::State;
+use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
 
 use crate::common::{self, mix};
 use crate::daemon_support::{Daemon, las, wait_for};
@@ -171,8 +171,8 @@ async fn at_work_alone(house: &mut House, name: &str) {
 /// Receipts vouch for bytes that a disk lost which went away and came back.
 #[test]
 fn a_run_that_goes_on_from_damaged_scratch_begins_anew() {
-    use lodestone::engine::conduct;
-    use lodestone::stage::options::Options;
+    use lodestone::convert::options::Options;
+    use lodestone::convert::run;
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("cloud.las");
     fs::write(&input, las(1_500_000, 3)).unwrap();
@@ -185,17 +185,17 @@ fn a_run_that_goes_on_from_damaged_scratch_begins_anew() {
         let (cancel, scratch) = (context.cancel.clone(), context.scratch.clone());
         let stop = std::thread::spawn(move || {
             wait_for("receipts", || {
-                let units = lodestone::stage::scratch::units_done(&scratch);
+                let units = lodestone::convert::checkpoint::scratch::units_done(&scratch);
                 (units > 20 || cancel.is_cancelled()).then(|| cancel.cancel())
             })
         });
-        let ended = conduct::convert(&request, &context);
+        let ended = run::convert(&request, &context);
         context.cancel.cancel();
         stop.join().unwrap();
         if ended.is_err() {
             damage_scratch(&context.scratch, damage);
         }
-        conduct::convert(&request, &common::context(folder.path(), 2, 24 << 20)).unwrap();
+        run::convert(&request, &common::context(folder.path(), 2, 24 << 20)).unwrap();
         assert!(
             common::octree_bytes(&folder.path().join("octree")) == common::octree_bytes(&expected),
             "{damage}"

@@ -38,7 +38,7 @@ fn record(kind: u8, mask: u8, points: u32, offset: u64, size: u64) -> Vec<u8> {
 
 /// A brotli stream of nothing but zeros.
 fn brotli_zeros(bytes: u64) -> Vec<u8> {
-    use lodestone::cloud::attribute::{Attribute, Scalar, Schema};
+    use lodestone::octree::attribute::{Attribute, Scalar, Schema};
     // The points of a node that are all zero are 16 bytes each, all zero.
     let schema = Schema { attributes: vec![Attribute::new("position", Scalar::I32, 3)] };
     let mut stream = Vec::new();

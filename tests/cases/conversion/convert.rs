@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use crate::common::{
     all_records, context, convert, listing, octree_bytes, options_of, request, surface, write_las,
 };
-use lodestone::disk::Disk;
-use lodestone::engine::conduct;
+use lodestone::convert::options::{Encoding, Options, Sampling};
+use lodestone::convert::run;
 use lodestone::format::las::record_length;
-use lodestone::stage::options::{Encoding, Options, Sampling};
+use lodestone::platform::disk::Disk;
 use proptest::prelude::*;
 
 /// Positions and the bytes behind them that every format keeps as they are.
@@ -40,7 +40,7 @@ fn the_same_bytes_whatever_the_threads_and_the_memory() {
         let mut first = None;
         for (threads, memory) in [(1, 4 << 30), (2, 4 << 30), (7, 4 << 30), (2, 60 << 20), (1, 45 << 20)] {
             let output = folder.path().join(format!("{sampling:?}-{threads}-{memory}"));
-            let outcome = conduct::convert(
+            let outcome = run::convert(
                 &request(std::slice::from_ref(&input), &output, &options),
                 &context(folder.path(), threads, memory),
             )
@@ -151,7 +151,7 @@ fn an_old_octree_stays_until_the_new_one_is_complete() {
         means.disk = Disk::failing_from(nth, io::ErrorKind::StorageFull);
         let mut replace = request(&[at("new.las")], &output, &Options::default());
         replace.overwrite = true;
-        match conduct::convert(&replace, &means) {
+        match run::convert(&replace, &means) {
             Ok(_) => break,
             Err(error) => {
                 failures += 1;
@@ -176,9 +176,8 @@ fn a_stopped_conversion_leaves_nothing_behind() {
     fs::create_dir(folder.path().join("out")).unwrap();
     let means = context(&folder.path().join("out"), 2, 1 << 30);
     means.cancel.cancel();
-    let error =
-        conduct::convert(&request(&[input], &folder.path().join("out/o"), &Options::default()), &means)
-            .unwrap_err();
+    let error = run::convert(&request(&[input], &folder.path().join("out/o"), &Options::default()), &means)
+        .unwrap_err();
     assert!(error.is_cancelled());
     assert!(listing(&folder.path().join("out")).is_empty());
 }
@@ -250,8 +249,8 @@ fn real_tile_sets_give_the_same_bytes_in_and_out_of_core() {
         let inputs: Vec<PathBuf> = vec![data.join(set)];
         let options = Options { name: Some("set".into()), ..Options::default() };
         let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-        conduct::convert(&request(&inputs, &a, &options), &context(folder.path(), 2, 2 << 30)).unwrap();
-        conduct::convert(&request(&inputs, &b, &options), &context(folder.path(), 1, 60 << 20)).unwrap();
+        run::convert(&request(&inputs, &a, &options), &context(folder.path(), 2, 2 << 30)).unwrap();
+        run::convert(&request(&inputs, &b, &options), &context(folder.path(), 1, 60 << 20)).unwrap();
         assert!(octree_bytes(&a) == octree_bytes(&b), "{set}");
         fs::remove_dir_all(&a).unwrap();
         fs::remove_dir_all(&b).unwrap();

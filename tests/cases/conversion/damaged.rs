@@ -8,9 +8,9 @@ use std::process::Command;
 
 use crate::common::{convert, options_of, surface, write_las};
 use crate::daemon_support::{Daemon, las};
-use lodestone::engine::conduct::Outcome;
+use lodestone::convert::options::{Damaged, Options};
+use lodestone::convert::run::Outcome;
 use lodestone::format::las::{LasFile, record_length};
-use lodestone::stage::options::{Damaged, Options};
 use lodestone::verify::{self, Report, Spacing};
 
 /// Three LAZ chunks, the last of them shorter.

@@ -9,9 +9,9 @@ use std::path::PathBuf;
 
 use crate::daemon_support::{content, las};
 use crate::engine_support::{House, arrival, configured, fast_folder};
-use lodestone::disk::Disk;
-use lodestone::engine::converter::Conduct;
-use lodestone::job::{Event, Job, State};
+use lodestone::platform::disk::Disk;
+use lodestone::serve::job::{Event, Job, State};
+use lodestone::serve::scheduler::converter::Conduct;
 
 /// One cloud in a house on a disk that fails.
 struct Test {

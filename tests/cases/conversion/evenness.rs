@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use lodestone::measure::sampling::evenness::{Evenness, of_levels, total};
+use lodestone::lab::sampling::evenness::{Evenness, of_levels, total};
 
 fn lodestone(arguments: &[&str]) {
     let done = Command::new(env!("CARGO_BIN_EXE_lodestone")).args(arguments).output().expect("lodestone");

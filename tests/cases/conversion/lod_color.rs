@@ -7,16 +7,16 @@ use std::process::Command;
 
 use crate::common::judge::{self, IN_CORE, OUT_OF_CORE, held_with};
 use crate::common::{all_records, context, octree_bytes, options_of, request, surface, write_las};
-use lodestone::cloud::attribute::{ExtraField, Scalar};
-use lodestone::engine::conduct;
+use lodestone::convert::options::{Encoding, LodColor, Options, Sampling};
+use lodestone::convert::run;
 use lodestone::format::potree::{Metadata, Node, OCTREE};
-use lodestone::measure::flip;
-use lodestone::render::colour::ColorBy;
+use lodestone::lab::flip;
+use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::octree::attribute::{ExtraField, Scalar};
+use lodestone::render::color::ColorBy;
 use lodestone::render::framing::View;
+use lodestone::render::octree_renderer::{Quality, Studio};
 use lodestone::render::renderer::Choice;
-use lodestone::render::studio::{Quality, Studio};
-use lodestone::stage::options::{Encoding, LodColor, Options, Sampling};
-use lodestone::synth::{Kind, Recipe};
 use lodestone::verify;
 
 const MODES: [LodColor; 2] = [LodColor::Attribute, LodColor::Average];
@@ -87,7 +87,7 @@ fn the_same_bytes_whatever_the_threads_and_the_memory() {
         for (threads, memory) in [(1, IN_CORE), (2, IN_CORE), (4, IN_CORE), (2, OUT_OF_CORE)] {
             let output = folder.path().join(format!("{sampling:?}-{threads}-{memory}"));
             let wanted = request(std::slice::from_ref(&input), &output, &options);
-            let outcome = conduct::convert(&wanted, &context(folder.path(), threads, memory)).unwrap();
+            let outcome = run::convert(&wanted, &context(folder.path(), threads, memory)).unwrap();
             assert_eq!(outcome.scratch_bytes > 0, memory == OUT_OF_CORE);
             assert!(outcome.chunks > 1);
             let bytes = octree_bytes(&output);

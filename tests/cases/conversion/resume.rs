@@ -11,13 +11,13 @@ use std::process::Command;
 use std::time::Duration;
 
 use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
-use lodestone::disk::Disk;
-use lodestone::engine::conduct::{self, Outcome};
+use lodestone::convert::checkpoint::journal;
+use lodestone::convert::checkpoint::receipt::{Receipt, Unit};
+use lodestone::convert::checkpoint::scratch::units_done;
+use lodestone::convert::options::{Encoding, LodColor, Options, Sampling};
+use lodestone::convert::run::{self, Outcome};
 use lodestone::format::las::LasFile;
-use lodestone::stage::journal;
-use lodestone::stage::options::{Encoding, LodColor, Options, Sampling};
-use lodestone::stage::receipt::{Receipt, Unit};
-use lodestone::stage::scratch::units_done;
+use lodestone::platform::disk::Disk;
 
 const OUT_OF_CORE: u64 = 45 << 20;
 
@@ -35,7 +35,7 @@ fn named(encoding: Encoding, sampling: Sampling) -> Options {
 fn uninterrupted(folder: &Path, input: &Path, options: &Options) -> [Vec<u8>; 3] {
     let output = folder.join("whole");
     let inputs = [input.to_path_buf()];
-    conduct::convert(&request(&inputs, &output, options), &context(folder, 2, 4 << 30)).unwrap();
+    run::convert(&request(&inputs, &output, options), &context(folder, 2, 4 << 30)).unwrap();
     octree_bytes(&output)
 }
 
@@ -126,7 +126,7 @@ fn stopped(folder: &Path, input: &Path, options: &Options, stop_at: u64) {
         let means = context(folder, 2, OUT_OF_CORE);
         let wanted = request(&[input.to_path_buf()], &output, options);
         let result = std::thread::scope(|scope| {
-            let conversion = scope.spawn(|| conduct::convert(&wanted, &means));
+            let conversion = scope.spawn(|| run::convert(&wanted, &means));
             while units_done(&means.scratch) < stop_at && !conversion.is_finished() {
                 std::thread::sleep(Duration::from_micros(200));
             }
@@ -147,7 +147,7 @@ fn stopped(folder: &Path, input: &Path, options: &Options, stop_at: u64) {
 
 fn go_on(folder: &Path, input: &Path, options: &Options) -> Outcome {
     let request = request(&[input.to_path_buf()], &folder.join("octree"), options);
-    conduct::convert(&request, &context(folder, 1, OUT_OF_CORE)).unwrap()
+    run::convert(&request, &context(folder, 1, OUT_OF_CORE)).unwrap()
 }
 
 #[test]
@@ -257,14 +257,14 @@ fn a_disk_that_fails_at_any_operation_costs_only_the_unit_in_hand() {
         let mut means = context(folder.path(), 2, OUT_OF_CORE);
         let kind = [io::ErrorKind::StorageFull, io::ErrorKind::Other][nth as usize % 2];
         means.disk = Disk::failing_from(nth, kind);
-        match conduct::convert(&request, &means) {
+        match run::convert(&request, &means) {
             Ok(_) => break,
             Err(error) => assert!(error.retry_can_help(), "{error}"),
         }
         failures += 1;
         if failures % 5 == 0 {
             // The disk is well again.
-            conduct::convert(&request, &context(folder.path(), 2, OUT_OF_CORE)).unwrap();
+            run::convert(&request, &context(folder.path(), 2, OUT_OF_CORE)).unwrap();
             assert!(octree_bytes(&folder.path().join("octree")) == expected, "after fault {nth}");
             fs::remove_dir_all(folder.path().join("octree")).unwrap();
         }
@@ -281,9 +281,9 @@ fn two_conversions_never_make_the_same_octree_at_once() {
     let staging = folder.path().join(".octree.building");
     let lock = Disk::new().lock_dir(&staging).unwrap().expect("free");
     let request = request(&[input], &folder.path().join("octree"), &options);
-    let error = conduct::convert(&request, &context(folder.path(), 2, 1 << 30)).unwrap_err();
+    let error = run::convert(&request, &context(folder.path(), 2, 1 << 30)).unwrap_err();
     assert!(error.to_string().contains("another conversion is at work"), "{error}");
     assert!(error.retry_can_help() && staging.exists());
     drop(lock);
-    conduct::convert(&request, &context(folder.path(), 2, 1 << 30)).unwrap();
+    run::convert(&request, &context(folder.path(), 2, 1 << 30)).unwrap();
 }

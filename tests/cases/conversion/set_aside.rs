@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::common::{context, octree_bytes, options_of, request, surface, write_las};
-use lodestone::cloud::node::LEAF_LIMIT;
-use lodestone::disk::Disk;
-use lodestone::engine::conduct::{self, Outcome};
+use lodestone::convert::context::{Context, Snapshot, Stage};
+use lodestone::convert::options::{Mode, Options};
+use lodestone::convert::run::{self, Outcome};
+use lodestone::convert::set_aside::Reason;
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
-use lodestone::stage::context::{Context, Snapshot, Stage};
-use lodestone::stage::options::{Mode, Options};
-use lodestone::stage::set_aside::Reason;
+use lodestone::octree::node::LEAF_LIMIT;
+use lodestone::platform::disk::Disk;
 use lodestone::verify;
 use serde_json::json;
 
@@ -25,7 +25,7 @@ fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> Outco
     let _ = fs::remove_dir_all(output);
     let inputs = [input.to_path_buf()];
     let folder = output.parent().unwrap();
-    conduct::convert(&request(&inputs, output, options), &context(folder, 2, memory)).unwrap()
+    run::convert(&request(&inputs, output, options), &context(folder, 2, memory)).unwrap()
 }
 
 /// Holds octree and set-aside files against the input.
@@ -343,7 +343,7 @@ fn writing_what_is_set_aside_is_progress() {
         let _ = fs::remove_dir_all(&output);
         let disk = Disk::failing_from(operation, ErrorKind::StorageFull);
         let means = Context { disk, ..context(folder.path(), 1, IN_CORE) };
-        let result = conduct::convert(&request(&inputs, &output, &Options::default()), &means);
+        let result = run::convert(&request(&inputs, &output, &Options::default()), &means);
         let Snapshot { stage, done, total } = means.progress.snapshot();
         if stage == Stage::Index && total == aside as u64 && 0 < done && done < total {
             return;

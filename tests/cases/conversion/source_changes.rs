@@ -8,9 +8,9 @@ use std::time::{Duration, SystemTime};
 
 use crate::common::judge::{IN_CORE, OUT_OF_CORE};
 use crate::common::{context, listing, options_of, request, surface, write_las};
-use lodestone::engine::conduct;
-use lodestone::stage::context::Stage;
-use lodestone::stage::options::Options;
+use lodestone::convert::context::Stage;
+use lodestone::convert::options::Options;
+use lodestone::convert::run;
 
 /// What is done to the source, and what is said about it.
 type Change = (&'static str, fn(&Path));
@@ -53,7 +53,7 @@ fn changed_in(stage: Stage, source: &Path, memory: u64, change: fn(&Path)) -> Op
     let means = context(&out, 1, memory);
     let wanted = request(&[PathBuf::from(source)], &out.join("octree"), &Options::default());
     let (result, in_time) = std::thread::scope(|scope| {
-        let conversion = scope.spawn(|| conduct::convert(&wanted, &means));
+        let conversion = scope.spawn(|| run::convert(&wanted, &means));
         while means.progress.snapshot().stage < stage && !conversion.is_finished() {
             std::thread::yield_now();
         }

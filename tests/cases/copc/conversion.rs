@@ -8,13 +8,13 @@ use super::support::{Node, copc_bytes, copc_in, nodes, octree_records};
 use crate::common::{
     all_records, context, convert, data, listing, octree_bytes, options_of, request, surface, write_las,
 };
-use lodestone::cloud::node::NodeKey;
-use lodestone::engine::conduct;
+use lodestone::convert::formats::Formats;
+use lodestone::convert::options::{Encoding, LodColor, Mode, Options};
+use lodestone::convert::run;
 use lodestone::format::las::{GpsTime, LasFile, LasWriter};
-use lodestone::lod::acquisition::total_order;
-use lodestone::lod::collapse::{MAX_LEVELS, MAX_POINTS};
-use lodestone::stage::formats::Formats;
-use lodestone::stage::options::{Encoding, LodColor, Mode, Options};
+use lodestone::octree::acquisition::total_order;
+use lodestone::octree::collapse::{MAX_LEVELS, MAX_POINTS};
+use lodestone::octree::node::NodeKey;
 
 fn options(format: Formats) -> Options {
     Options { format, name: Some("cloud".into()), ..Options::default() }
@@ -116,7 +116,7 @@ fn bytes_depend_on_neither_threads_nor_memory() {
     for (threads, memory) in [(1, 4 << 30), (2, 4 << 30), (4, 4 << 30), (1, 100 << 20), (4, 330 << 20)] {
         let output = folder.path().join("out");
         let request = request(std::slice::from_ref(&input), &output, &options(Formats::COPC));
-        let outcome = conduct::convert(&request, &context(folder.path(), threads, memory)).unwrap();
+        let outcome = run::convert(&request, &context(folder.path(), threads, memory)).unwrap();
         assert_eq!(outcome.scratch_bytes > 0, memory < 1 << 30, "in core or not");
         let bytes = copc_bytes(&output);
         assert!(expected.get_or_insert_with(|| bytes.clone()) == &bytes, "{threads} {memory}");

@@ -5,8 +5,8 @@ use std::fs;
 use super::support::copc_bytes;
 use crate::common::{convert, listing};
 use crate::daemon_support::{Daemon, las, wait_for};
-use lodestone::stage::formats::Formats;
-use lodestone::stage::options::Options;
+use lodestone::convert::formats::Formats;
+use lodestone::convert::options::Options;
 
 #[test]
 fn a_copc_file_alone_is_served_counted_and_drawn() {

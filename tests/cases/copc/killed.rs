@@ -7,10 +7,10 @@ use std::process::Command;
 
 use super::support::copc_bytes;
 use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
-use lodestone::engine::conduct;
-use lodestone::stage::formats::Formats;
-use lodestone::stage::options::Options;
-use lodestone::stage::scratch::units_done;
+use lodestone::convert::checkpoint::scratch::units_done;
+use lodestone::convert::formats::Formats;
+use lodestone::convert::options::Options;
+use lodestone::convert::run;
 
 /// Killed after ever so many more units; true where it ended before.
 fn convert_killed(input: &Path, output: &Path, format: Formats, scratch: &Path, more: u64) -> bool {
@@ -52,7 +52,7 @@ fn killed_at_every_stage_the_bytes_are_the_same() {
         let options = Options { format, name: Some("cloud".into()), ..Options::default() };
         let whole = folder.path().join("whole");
         let inputs = [input.clone()];
-        conduct::convert(&request(&inputs, &whole, &options), &context(folder.path(), 2, 4 << 30)).unwrap();
+        run::convert(&request(&inputs, &whole, &options), &context(folder.path(), 2, 4 << 30)).unwrap();
         let temp = folder.path().join(format!("temp{round}"));
         let out = folder.path().join(format!("out{round}"));
         fs::create_dir_all(&temp).unwrap();

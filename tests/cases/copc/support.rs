@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lodestone::cloud::node::NodeKey;
 use lodestone::format::copc::{ChunkDecoder, Described, Layout};
 use lodestone::format::potree::Metadata;
+use lodestone::octree::node::NodeKey;
 
 /// The only COPC file in a folder.
 pub fn copc_in(folder: &Path) -> PathBuf {

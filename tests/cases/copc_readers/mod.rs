@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::format::copc::CopcFile;
 use lodestone::format::las::{LasOptions, Vlr, record_length};
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 use crate::common::{data, mix, options_of, scripts, write_las};
 

@@ -8,14 +8,14 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use crate::engine_support::{House, PATIENCE};
-use lodestone::config::Config;
-use lodestone::engine::converter::{Converter, Failure, Report, Work};
-use lodestone::job::{Event, State};
-use lodestone::render::colour::ColorBy;
+use lodestone::convert::context::Context;
+use lodestone::convert::preview::{Options, Preview};
+use lodestone::render::color::ColorBy;
 use lodestone::render::{self, RenderError};
-use lodestone::stage::context::Context;
-use lodestone::stage::preview::{Options, Preview};
-use lodestone::store::{self, Drawn};
+use lodestone::serve::config::Config;
+use lodestone::serve::job::{Event, State};
+use lodestone::serve::queue::{self, Drawn};
+use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
 
 /// What the painter does with an octree, attempt after attempt; the last for ever.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,13 +90,13 @@ trait Gallery {
     fn begun(&self) -> usize;
     fn hangs(&self, name: &str) -> Option<String>;
     async fn published(&mut self, name: &str, content: &str) -> i64;
-    async fn preview(&self, job: i64) -> Option<store::Preview>;
+    async fn preview(&self, job: i64) -> Option<queue::Preview>;
     /// Turns the wheel until it is so.
     async fn until(
         &mut self,
         job: i64,
-        is: impl Fn(Option<&store::Preview>) -> bool,
-    ) -> Option<store::Preview>;
+        is: impl Fn(Option<&queue::Preview>) -> bool,
+    ) -> Option<queue::Preview>;
     async fn turn_until_begun(&mut self, times: usize);
 }
 
@@ -120,15 +120,15 @@ impl Gallery for House<Painter> {
         job
     }
 
-    async fn preview(&self, job: i64) -> Option<store::Preview> {
+    async fn preview(&self, job: i64) -> Option<queue::Preview> {
         self.tools.store.previews(&[job]).await.unwrap().remove(&job)
     }
 
     async fn until(
         &mut self,
         job: i64,
-        is: impl Fn(Option<&store::Preview>) -> bool,
-    ) -> Option<store::Preview> {
+        is: impl Fn(Option<&queue::Preview>) -> bool,
+    ) -> Option<queue::Preview> {
         let start = Instant::now();
         loop {
             self.engine.tick().await.unwrap();
@@ -151,12 +151,12 @@ impl Gallery for House<Painter> {
     }
 }
 
-fn is(state: Drawn) -> impl Fn(Option<&store::Preview>) -> bool {
+fn is(state: Drawn) -> impl Fn(Option<&queue::Preview>) -> bool {
     move |preview| preview.is_some_and(|preview| preview.state == state)
 }
 
 /// So often, and at last for this reason.
-fn failed(times: u32, why: &str) -> impl Fn(Option<&store::Preview>) -> bool {
+fn failed(times: u32, why: &str) -> impl Fn(Option<&queue::Preview>) -> bool {
     move |preview| {
         preview.is_some_and(|preview| {
             preview.attempts == times && preview.error.as_ref().is_some_and(|error| error.contains(why))
@@ -232,7 +232,7 @@ async fn pictures_of_what_was_replaced_meanwhile_are_thrown_away() {
     house.advance(3_600_000);
     house.until(new, is(Drawn::Done)).await;
     assert_eq!(house.hangs("a").as_deref(), Some("two"));
-    assert!(matches!(house.tools.store.order_preview(old, 0).await, Err(store::StoreError::Illegal { .. })));
+    assert!(matches!(house.tools.store.order_preview(old, 0).await, Err(queue::StoreError::Illegal { .. })));
 }
 
 #[tokio::test]

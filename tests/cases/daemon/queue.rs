@@ -8,12 +8,12 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use crate::engine_support::wait;
-use lodestone::clock::Clock;
-use lodestone::engine::Engine;
-use lodestone::engine::converter::{Converter, Failure, Report, Work};
-use lodestone::job::{Event, Job, State};
-use lodestone::stage::context::{Context, Stage};
-use lodestone::store::{Admission, Store, StoreError};
+use lodestone::convert::context::{Context, Stage};
+use lodestone::platform::clock::Clock;
+use lodestone::serve::job::{Event, Job, State};
+use lodestone::serve::queue::{Admission, Store, StoreError};
+use lodestone::serve::scheduler::Engine;
+use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
 
 type House = crate::engine_support::House<Script>;
 
@@ -431,8 +431,11 @@ async fn a_lost_lease_throws_the_result_away() {
     assert!(store.claim(job, "one", 0).await.unwrap().is_some());
     assert!(store.claim(job, "two", 0).await.unwrap().is_none(), "claimed once");
     assert!(!store.stage(job, "two", (7, None), "{}", 0).await.unwrap());
-    let ending = lodestone::store::Ending { end: lodestone::job::verdict::End::Published, error: None };
-    let policy = lodestone::job::verdict::Policy::default();
+    let ending = lodestone::serve::queue::Ending {
+        end: lodestone::serve::job::retry_policy::End::Published,
+        error: None,
+    };
+    let policy = lodestone::serve::job::retry_policy::Policy::default();
     assert_eq!(store.finish(job, "two", &ending, &policy, 0).await.unwrap(), None);
     assert_eq!(house.job(job).await.state, State::Running);
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::daemon_support::{Daemon, content, converted, las, wait_for};
-use lodestone::stage::scratch::units_done;
+use lodestone::convert::checkpoint::scratch::units_done;
 use serde_json::Value;
 
 /// So little memory that the cloud is converted out of core, by one thread, so

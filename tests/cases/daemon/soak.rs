@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::daemon_support::{Daemon, content, converted, las};
-use lodestone::stage::journal;
-use lodestone::stage::receipt::{Receipt, Unit};
+use lodestone::convert::checkpoint::journal;
+use lodestone::convert::checkpoint::receipt::{Receipt, Unit};
 
 /// So little memory that the large data set is converted out of core.
 const ARGUMENTS: &[&str] = &["--memory-limit", "240M", "--threads", "2", "--max-strikes", "1000000"];

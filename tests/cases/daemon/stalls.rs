@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::engine_support::{PATIENCE, wait};
-use lodestone::engine::converter::{Converter, Failure, Report, Work};
-use lodestone::job::{Event, State};
-use lodestone::stage::context::{Context, Stage};
-use lodestone::store::Admission;
+use lodestone::convert::context::{Context, Stage};
+use lodestone::serve::job::{Event, State};
+use lodestone::serve::queue::Admission;
+use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
 
 type House = crate::engine_support::House<Puppet>;
 

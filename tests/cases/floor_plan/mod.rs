@@ -9,40 +9,26 @@ use std::path::{Path, PathBuf};
 
 use paths::named;
 
-/// Who may know whom within one group of src/lib.rs; otherwise rooms of a group
-/// do not meet.
-const MEET: &[(&str, &str)] = &[
-    ("lod", "cloud"),
-    ("log", "clock"),
-    ("store", "config"),
-    ("watch", "config"),
-    ("watch", "store"),
-    ("web", "config"),
-    ("web", "store"),
-    ("engine", "config"),
-    ("engine", "store"),
-    ("cli", "daemon"),
-];
+/// Who may know whom within one group; otherwise modules of a group do not meet.
+const MEET: &[(&str, &str)] = &[];
 
-/// Who may not know whom although the order would allow it: stages are plain
-/// functions, and what waits for events or answers requests neither works on
-/// clouds nor talks to the others (an intent goes through the store).
+/// Who may not know what although the order would allow it: what waits for events or
+/// answers requests does not work on clouds and does not talk to the others (an intent
+/// goes through the queue); formats hold no policy.
 const STRANGERS: &[(&str, &str)] = &[
-    ("stage", "metrics"),
-    ("stage", "job"),
-    ("format", "job"),
-    ("format", "lod"),
-    ("watch", "lod"),
-    ("web", "lod"),
-    ("web", "engine"),
-    ("watch", "engine"),
-    ("web", "format"),
-    ("web", "render"),
-    ("watch", "render"),
-    ("store", "render"),
-    ("web", "verify"),
-    ("store", "format"),
-    ("store", "lod"),
+    ("format", "octree::sampling"),
+    ("format", "octree::local_octree"),
+    ("serve::watch", "octree"),
+    ("serve::watch", "render"),
+    ("serve::watch", "serve::scheduler"),
+    ("serve::queue", "octree"),
+    ("serve::queue", "format"),
+    ("serve::queue", "render"),
+    ("serve::web", "octree"),
+    ("serve::web", "format"),
+    ("serve::web", "render"),
+    ("serve::web", "verify"),
+    ("serve::web", "serve::scheduler"),
 ];
 
 /// Crates and who may know them. The daemon puts the rooms together and so
@@ -53,13 +39,13 @@ const OWNED: &[(&str, &[&str])] = &[
     ("brotli", &["src/format/potree/"]),
     ("crs_definitions", &["src/format/crs/"]),
     ("proj4rs", &["src/format/crs/"]),
-    ("sqlx", &["src/store/"]),
-    ("axum", &["src/web/", "src/daemon/"]),
-    ("hyper", &["src/web/"]),
-    ("hyper_util", &["src/web/"]),
-    ("maud", &["src/web/pages/"]),
-    ("notify", &["src/watch/"]),
-    ("prometheus", &["src/metrics", "src/daemon/"]),
+    ("sqlx", &["src/serve/queue/"]),
+    ("axum", &["src/serve/"]),
+    ("hyper", &["src/serve/web/"]),
+    ("hyper_util", &["src/serve/web/"]),
+    ("maud", &["src/serve/web/pages/"]),
+    ("notify", &["src/serve/watch/"]),
+    ("prometheus", &["src/serve/metrics", "src/serve/mod"]),
     ("indicatif", &["src/cli/"]),
     ("wgpu", &["src/render/gpu/"]),
     ("pollster", &["src/render/gpu/"]),
@@ -68,9 +54,9 @@ const OWNED: &[(&str, &[&str])] = &[
 ];
 
 /// What a room without files, clock and threads of its own does not touch.
-const PURE: &[&str] = &["cloud", "job", "lod"];
+const PURE: &[&str] = &["octree", "serve::job"];
 /// A pure part of a room that has other parts; it knows nothing of the program.
-const APART: &str = "src/measure/chart/";
+const APART: &str = "src/lab/chart/";
 const IMPURE: &[&[&str]] = &[
     &["std", "fs"],
     &["std", "net"],
@@ -86,11 +72,18 @@ const IMPURE: &[&[&str]] = &[
 /// Lines, without the tests at a file's end.
 const LONGEST_FILE: usize = 400;
 
-/// The rooms by group, as src/lib.rs lists them: a blank line parts groups.
-fn groups(lib: &str) -> Vec<Vec<String>> {
+/// The modules by group, lowest first: a blank line parts groups. Those of `serve`, the
+/// only wing with an order of its own, come before `serve` itself.
+fn groups(lib: &str, serve: &str) -> Vec<Vec<String>> {
     let mut groups = vec![Vec::new()];
     for line in lib.lines() {
         match line.strip_prefix("pub mod ").and_then(|rest| rest.strip_suffix(';')) {
+            Some("serve") => {
+                let inner = self::groups(serve, "").into_iter();
+                let within = |room: String| format!("serve::{room}");
+                groups.extend(inner.map(|group| group.into_iter().map(within).collect::<Vec<_>>()));
+                groups.push(vec!["serve".to_string()]);
+            }
             Some(room) => groups.last_mut().expect("never empty").push(room.to_string()),
             None if line.is_empty() => groups.push(Vec::new()),
             None => {}
@@ -103,8 +96,12 @@ fn groups(lib: &str) -> Vec<Vec<String>> {
 /// What a file does that its place forbids.
 fn offences(groups: &[Vec<String>], file: &str, source: &str) -> Vec<String> {
     let module = module(file);
-    let room = module.first().cloned().unwrap_or_default();
-    let group_of = |room: &str| groups.iter().position(|group| group.iter().any(|r| r == room));
+    let place = |room: &str| groups.iter().position(|group| group.iter().any(|r| r == room));
+    let room_of = |path: &[String]| {
+        let inner = path.iter().take(2).map(String::as_str).collect::<Vec<_>>().join("::");
+        if place(&inner).is_some() { inner } else { path.first().cloned().unwrap_or_default() }
+    };
+    let room = room_of(&module);
     let mut offences = Vec::new();
     // Tests stand beside what they test and do not count.
     let lines = source.lines().take_while(|line| *line != "#[cfg(test)]").count();
@@ -126,16 +123,21 @@ fn offences(groups: &[Vec<String>], file: &str, source: &str) -> Vec<String> {
             continue; // a test may look where it likes, for its crates see above
         }
         let apart = file.starts_with(APART);
-        if apart && path[0] == "crate" && !path.starts_with(&["crate", "measure", "chart"]) {
+        if apart && path[0] == "crate" && !path.starts_with(&["crate", "lab", "chart"]) {
             offend(format!("{APART} is to know nothing of the program ({})", path.join("::")));
         }
         if (apart || PURE.contains(&room.as_str())) && IMPURE.iter().any(|impure| path.starts_with(impure)) {
             offend(format!("{} has no place in a pure room", path.join("::")));
         }
-        let ("crate", Some(other)) = (path[0], path.get(1)) else { continue };
-        let (Some(from), Some(to)) = (group_of(&room), group_of(other)) else { continue };
-        let stranger = STRANGERS.contains(&(&room, other));
-        let sibling = from == to && room != *other && !MEET.contains(&(&room, other));
+        if path[0] != "crate" {
+            continue;
+        }
+        let other = room_of(&named.path[1..]);
+        let (Some(from), Some(to)) = (place(&room), place(&other)) else { continue };
+        let target = path[1..].join("::") + "::";
+        let stranger =
+            STRANGERS.iter().any(|(who, what)| *who == room && target.starts_with(&format!("{what}::")));
+        let sibling = from == to && room != other && !MEET.contains(&(room.as_str(), other.as_str()));
         if to > from || sibling || stranger {
             offend(format!("{room} may not know {other} ({})", path.join("::")));
         }
@@ -143,7 +145,7 @@ fn offences(groups: &[Vec<String>], file: &str, source: &str) -> Vec<String> {
     offences
 }
 
-/// src/stage/survey.rs is `stage::survey`, src/stage/mod.rs is `stage`.
+/// src/convert/survey.rs is `convert::survey`, src/convert/mod.rs is `convert`.
 fn module(file: &str) -> Vec<String> {
     let inner = file.trim_start_matches("src/").trim_end_matches(".rs");
     let mut module: Vec<String> = inner.split('/').map(str::to_string).collect();
@@ -167,87 +169,95 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 #[test]
 fn every_file_keeps_to_the_floor_plan() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let groups = groups(&fs::read_to_string(root.join("src/lib.rs")).unwrap());
+    let groups = plan();
     let mut files = Vec::new();
     sources(&root.join("src"), &mut files);
     assert!(files.len() > 20, "only {} sources found", files.len());
     let mut all = Vec::new();
     for path in files {
         let file = path.strip_prefix(root).unwrap().to_str().unwrap().to_string();
-        let room = module(&file).into_iter().next();
-        if let Some(room) = room.filter(|room| !groups.iter().flatten().any(|r| r == room)) {
-            all.push(format!("{file}: src/lib.rs has no room {room}"));
+        let wing = module(&file).into_iter().next();
+        if let Some(wing) = wing.filter(|wing| !groups.iter().flatten().any(|r| r == wing)) {
+            all.push(format!("{file}: src/lib.rs has no module {wing}"));
         }
         all.extend(offences(&groups, &file, &fs::read_to_string(&path).unwrap()));
     }
     assert!(all.is_empty(), "\n{}", all.join("\n"));
 }
 
+/// The plan as it stands in the library.
+fn plan() -> Vec<Vec<String>> {
+    let read = |file| fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    groups(&read("src/lib.rs"), &read("src/serve/mod.rs"))
+}
+
 #[test]
-fn rooms_are_read_from_the_library() {
-    let groups = groups("//! Text\n\n// Pure.\npub mod cloud;\npub mod lod;\n\n// Work.\npub mod stage;\n");
-    assert_eq!(groups, [vec!["cloud", "lod"], vec!["stage"]]);
+fn the_plan_is_read_from_the_library() {
+    let lib = "//! Text\n\n// Pure.\npub mod octree;\npub mod words;\n\n// Work.\npub mod serve;\n";
+    let groups = groups(lib, "//! Text\n\npub mod job;\n\npub mod web;\n\nmod own;\n");
+    assert_eq!(groups, [vec!["octree", "words"], vec!["serve::job"], vec!["serve::web"], vec!["serve"]]);
 }
 
 /// Whether the plan objects to a line in a file.
 fn objects(file: &str, line: &str) -> bool {
-    let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
-    !offences(&groups(&lib), file, &format!("//! Here.\n{line}\n")).is_empty()
+    !offences(&plan(), file, &format!("//! Here.\n{line}\n")).is_empty()
 }
 
 #[test]
 fn breaches_are_seen() {
     for (file, line) in [
-        ("src/cloud/node.rs", "use crate::disk::Disk;"),
-        ("src/cloud/node.rs", "use crate::lod::tree;"),
-        ("src/job/mod.rs", "use crate::cloud::node::Key;"),
-        ("src/cloud/node.rs", "fn f() { let _ = std::fs::read(\"a\"); }"),
-        ("src/measure/chart/bars.rs", "use crate::measure::process::Run;"),
-        ("src/measure/chart/bars.rs", "use super::super::flip; use crate::lod::tree;"),
-        ("src/measure/chart/page.rs", "fn f() { let _ = std::fs::write(\"a\", \"b\"); }"),
-        ("src/lod/tree.rs", "use std::{mem, time::{Duration, SystemTime}};"),
-        ("src/lod/tree.rs", "fn f() { std::thread::spawn(|| ()); }"),
-        ("src/stage/survey.rs", "use crate::store::Store;"),
-        ("src/stage/survey.rs", "use crate::{cloud::node, metrics::Metrics};"),
-        ("src/stage/survey.rs", "use super::super::engine::tick;"),
-        ("src/stage/survey.rs", "mod inner { use super::super::super::web::serve; }"),
-        ("src/stage/mod.rs", "pub use super::verify::check;"),
-        ("src/stage/survey.rs", "use las::Header;"),
-        ("src/stage/survey.rs", "fn f(h: &laz::LazVlr) {}"),
-        ("src/stage/survey.rs", "use ::laz::LazVlr;"),
+        ("src/octree/node.rs", "use crate::platform::disk::Disk;"),
+        ("src/serve/job/mod.rs", "use crate::serve::config::Config;"),
+        ("src/octree/node.rs", "fn f() { let _ = std::fs::read(\"a\"); }"),
+        ("src/lab/chart/bars.rs", "use crate::lab::process::Run;"),
+        ("src/lab/chart/bars.rs", "use super::super::flip; use crate::octree::local_octree;"),
+        ("src/lab/chart/page.rs", "fn f() { let _ = std::fs::write(\"a\", \"b\"); }"),
+        ("src/octree/local_octree.rs", "use std::{mem, time::{Duration, SystemTime}};"),
+        ("src/octree/local_octree.rs", "fn f() { std::thread::spawn(|| ()); }"),
+        ("src/format/las/mod.rs", "use crate::octree::sampling::poisson::PoissonDisk;"),
+        ("src/convert/survey.rs", "use crate::serve::queue::Store;"),
+        ("src/convert/survey.rs", "use crate::{octree::node, serve::metrics::Metrics};"),
+        ("src/convert/survey.rs", "use super::super::serve::scheduler::Engine;"),
+        ("src/convert/survey.rs", "mod inner { use super::super::super::serve::web::serve; }"),
+        ("src/convert/mod.rs", "pub use super::verify::check;"),
+        ("src/convert/survey.rs", "use las::Header;"),
+        ("src/convert/survey.rs", "fn f(h: &laz::LazVlr) {}"),
+        ("src/convert/survey.rs", "use ::laz::LazVlr;"),
         ("src/format/las/raw.rs", "use brotli::Decompressor;"),
-        ("src/web/mod.rs", "use sqlx::SqlitePool;"),
-        ("src/web/mod.rs", "use crate::engine::Engine;"),
-        ("src/web/mod.rs", "mod tests { use sqlx::SqlitePool; }"),
-        ("src/watch/mod.rs", "use crate::web;"),
-        ("src/config.rs", "type A<'a> = crate::cli::Exit; // 'x'"),
+        ("src/serve/web/mod.rs", "use sqlx::SqlitePool;"),
+        ("src/serve/web/mod.rs", "use crate::serve::scheduler::Engine;"),
+        ("src/serve/web/mod.rs", "use super::scheduler::Engine;"),
+        ("src/serve/web/mod.rs", "mod tests { use sqlx::SqlitePool; }"),
+        ("src/serve/watch/mod.rs", "use crate::serve::web;"),
+        ("src/serve/watch/mod.rs", "use crate::serve::scheduler;"),
+        ("src/serve/config/mod.rs", "type A<'a> = crate::cli::Exit; // 'x'"),
     ] {
         assert!(objects(file, line), "nobody minds {line} in {file}");
     }
-    assert!(objects("src/cloud/node.rs", &"\n".repeat(LONGEST_FILE)));
-    let lib = ["cloud".to_string()];
-    assert!(!offences(&[lib.to_vec()], "src/cloud/a.rs", "use std::mem;\n").is_empty(), "opens without //!");
+    assert!(objects("src/octree/node.rs", &"\n".repeat(LONGEST_FILE)));
+    let lib = ["octree".to_string()];
+    assert!(!offences(&[lib.to_vec()], "src/octree/a.rs", "use std::mem;\n").is_empty(), "opens without //!");
 }
 
 #[test]
 fn what_is_allowed_is_let_be() {
     for (file, line) in [
-        ("src/measure/chart/bars.rs", "use super::canvas::Canvas; use crate::measure::chart::data::Axis;"),
-        ("src/lod/tree.rs", "use crate::cloud::node::Key;"),
-        ("src/lod/tree.rs", "use super::sampler::Sampler; use std::time::Duration;"),
+        ("src/lab/chart/bars.rs", "use super::canvas::Canvas; use crate::lab::chart::data::Axis;"),
+        ("src/octree/local_octree.rs", "use crate::octree::node::Key;"),
+        ("src/octree/local_octree.rs", "use super::sampling::sampler::Sampler; use std::time::Duration;"),
         (
-            "src/cloud/node.rs",
-            "// use crate::disk::Disk;\n/* std::fs::read */ const A: &str = \"crate::web::x\";",
+            "src/octree/node.rs",
+            "// use crate::platform::disk::Disk;\n/* std::fs::read */ const A: &str = \"crate::serve::web::x\";",
         ),
-        ("src/cloud/node.rs", "const A: &str = r#\"a \" crate::web::x\"#; const B: char = '\"';"),
-        ("src/cloud/node.rs", "mod tests { use crate::synth::Scene; use std::fs::read; }"),
-        ("src/stage/survey.rs", "use crate::format::las; fn f() { las::open(); }"),
-        ("src/stage/survey.rs", "use crate::format::{las::Source, potree};"),
-        ("src/stage/survey.rs", "mod inner { use super::super::survey::plan; }"),
+        ("src/octree/node.rs", "const A: &str = r#\"a \" crate::serve::x\"#; const B: char = '\"';"),
+        ("src/octree/node.rs", "mod tests { use crate::lab::synth::Scene; use std::fs::read; }"),
+        ("src/convert/survey.rs", "use crate::format::las; fn f() { las::open(); }"),
+        ("src/convert/survey.rs", "use crate::format::{las::Source, potree};"),
+        ("src/convert/survey.rs", "mod inner { use super::super::survey::plan; }"),
         ("src/format/las/raw.rs", "use las::Header; use laz::LazVlr;"),
-        ("src/store/queue.rs", "use sqlx::SqlitePool; use crate::job::Job;"),
-        ("src/engine/mod.rs", "use crate::{stage::Cancel, store::Store, job::Job};"),
-        ("src/cli/serve.rs", "use crate::daemon;"),
+        ("src/serve/queue/claim.rs", "use sqlx::SqlitePool; use crate::serve::job::Job;"),
+        ("src/serve/scheduler/mod.rs", "use crate::{convert::Cancel, serve::queue::Store, serve::job::Job};"),
+        ("src/cli/serve.rs", "use crate::serve;"),
     ] {
         assert!(!objects(file, line), "somebody minds {line} in {file}");
     }

@@ -19,8 +19,8 @@ enum Token {
     Sign(char),
 }
 
-/// All paths of a source that lies at `module` (`["stage", "survey"]` for
-/// src/stage/survey.rs, `["stage"]` for src/stage/mod.rs).
+/// All paths of a source that lies at `module` (`["convert", "survey"]` for
+/// src/convert/survey.rs, `["convert"]` for src/convert/mod.rs).
 pub fn named(source: &str, module: &[String]) -> Vec<Named> {
     let tokens = tokens(source);
     let mut found = Vec::new();

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 use super::super::common::{mix, octree_bytes, options_of, surface};
 use super::{case, octree_of, records_of, tile};

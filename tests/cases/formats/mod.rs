@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use super::cases;
 use super::common::judge::{Held, IN_CORE, held_with};
 use super::common::write_las;
+use lodestone::convert::options::Options;
 use lodestone::format::las::{LasFile, LasOptions};
-use lodestone::stage::options::Options;
 
 /// A file that failed once, where there are such.
 fn case(name: &str) -> Option<PathBuf> {

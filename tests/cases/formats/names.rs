@@ -1,7 +1,7 @@
 //! Extra bytes whose names viewers take for their own.
 
-use lodestone::cloud::attribute::{ExtraField, Scalar};
 use lodestone::format::las::LasOptions;
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 use super::super::common::{options_of, surface};
 use super::{case, octree_of, tile};

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use lodestone::convert::options::Options;
 use lodestone::format::crs;
 use lodestone::format::las::{LasFile, LasOptions, Vlr};
-use lodestone::stage::options::Options;
 
 use super::super::common::judge::write_points;
 use super::super::common::{convert, options_of, surface};

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use lodestone::convert::options::Options;
 use lodestone::format::las::{GpsTime, LasFile, LasOptions, LasWriter, record_length};
-use lodestone::stage::options::Options;
 
 use super::super::common::{all_records, convert, options_of, surface};
 use super::{case, octree_of, told};

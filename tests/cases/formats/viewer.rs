@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
 
-use lodestone::cloud::attribute::{ExtraField, Scalar};
+use lodestone::convert::options::Options;
 use lodestone::format::crs;
 use lodestone::format::las::{LasFile, LasOptions, Vlr};
-use lodestone::stage::options::Options;
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 use super::super::common::{convert, data, options_of, scripts, surface};
 use super::{case, tile};

@@ -7,8 +7,8 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::time::Duration;
 
-use lodestone::measure::process::run_within;
-use lodestone::stage::context::Cancel;
+use lodestone::convert::context::Cancel;
+use lodestone::lab::process::run_within;
 
 use super::*;
 

@@ -6,7 +6,7 @@ use std::{fs, iter};
 
 use laz::LazVlrBuilder;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
-use lodestone::measure::process;
+use lodestone::lab::process;
 
 use super::*;
 use crate::common::{options_of, surface, write_las};

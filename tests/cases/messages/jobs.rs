@@ -4,9 +4,9 @@
 use std::fs;
 use std::path::Path;
 
-use lodestone::job::verdict::{End, Policy};
-use lodestone::job::{Event, Input, Job, State};
-use lodestone::store::{Arrival, Ending, Kind, Store};
+use lodestone::serve::job::retry_policy::{End, Policy};
+use lodestone::serve::job::{Event, Input, Job, State};
+use lodestone::serve::queue::{Arrival, Ending, Kind, Store};
 use serde_json::Value;
 
 use super::{lodestone, stderr, stdout, text};

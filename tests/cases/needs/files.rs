@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 use crate::common::judge::{Held, IN_CORE, field, held, held_with, patch, write_points};
 use crate::common::{convert, octree_bytes, options_of, surface, write_las};
-use lodestone::cloud::attribute::{ExtraField, Scalar};
+use lodestone::convert::options::Options;
 use lodestone::format::las::{LasOptions, Vlr, record_length};
 use lodestone::format::potree::MetadataAttribute;
-use lodestone::stage::options::Options;
+use lodestone::octree::attribute::{ExtraField, Scalar};
 
 /// Where LAS 1.4 keeps what is lied about (R15, table 3).
 const LEGACY_COUNT: usize = 107;

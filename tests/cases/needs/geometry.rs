@@ -9,12 +9,12 @@ use crate::common::judge::{
     Held, IN_CORE, field, held, held_under, held_with, patch, write_points, write_scene,
 };
 use crate::common::{convert, octree_bytes};
-use lodestone::cloud::node::LEAF_LIMIT;
-use lodestone::cloud::plan::chunk_limit;
-use lodestone::lod::thin::NODE_LIMIT;
-use lodestone::stage::options::{Mode, Options, Sampling};
-use lodestone::stage::set_aside::Reason;
-use lodestone::synth::{Kind, Recipe};
+use lodestone::convert::options::{Mode, Options, Sampling};
+use lodestone::convert::set_aside::Reason;
+use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::octree::chunk_plan::chunk_limit;
+use lodestone::octree::node::LEAF_LIMIT;
+use lodestone::octree::node_limit::NODE_LIMIT;
 
 const MILLIMETRE: [f64; 3] = [0.001; 3];
 const ORIGIN: [f64; 3] = [0.0; 3];

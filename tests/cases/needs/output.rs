@@ -7,9 +7,9 @@ use std::path::Path;
 
 use crate::common::judge::{Held, IN_CORE, field, held, held_with, write_points, write_scene};
 use crate::common::{all_records, listing, octree_bytes};
+use lodestone::convert::options::{Encoding, Options, Sampling};
 use lodestone::format::potree;
-use lodestone::stage::options::{Encoding, Options, Sampling};
-use lodestone::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Kind, Recipe};
 
 /// A cloud with a crowd and an outlier, at integers that a test can know.
 fn eventful(path: &Path) -> Vec<[i32; 3]> {

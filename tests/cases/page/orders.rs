@@ -7,7 +7,7 @@ use super::rows;
 use crate::daemon_support::{Daemon, ask};
 
 const ROUTES: [&str; 2] =
-    [include_str!("../../../src/web/mod.rs"), include_str!("../../../src/web/pages/mod.rs")];
+    [include_str!("../../../src/serve/web/mod.rs"), include_str!("../../../src/serve/web/pages/mod.rs")];
 const METHODS: [&str; 4] = ["post", "put", "patch", "delete"];
 
 /// Method and path of every route that changes something, as the sources have them.

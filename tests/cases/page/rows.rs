@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use lodestone::store::Store;
+use lodestone::serve::queue::Store;
 use sqlx::Connection;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 

@@ -3,7 +3,7 @@
 
 use chart::{Axis, Bar, Bars, Before, Better, Chart, Figure, Group, Item, Lines, Mark, Page, Panel, Pattern};
 use chart::{Patterns, Quantity, Reference, Scatter, Section, Series};
-use lodestone::measure::chart;
+use lodestone::lab::chart;
 use proptest::prelude::*;
 
 #[test]

@@ -1,7 +1,7 @@
 //! A page with every kind of chart and what makes drawing hard: crowds, earlier runs,
 //! values without a place, names that are markup. The figures are made up.
 
-use lodestone::measure::chart::{
+use lodestone::lab::chart::{
     Axis, Bar, Bars, Before, Better, Cell, Column, Figure, Group, Item, Lines, Mark, Page, Panel, Pattern,
     Patterns, Quantity, Reference, Scatter, Section, Series, Table,
 };
@@ -250,7 +250,7 @@ pub fn strange(seed: u64) -> Page {
             .collect();
         let title = format!("Strange chart {at} of {seed}");
         let size = Some(Quantity { title: "memory".into(), unit: "MB".into() });
-        let chart: lodestone::measure::chart::Chart = match at % 2 {
+        let chart: lodestone::lab::chart::Chart = match at % 2 {
             0 => Scatter { title, x, y, size, series, front: true }.into(),
             _ => {
                 let panels = 1 + at % 5;
@@ -266,7 +266,7 @@ pub fn strange(seed: u64) -> Page {
 }
 
 pub fn page() -> Page {
-    let figure = |chart: lodestone::measure::chart::Chart, says: &str, caption: &str| {
+    let figure = |chart: lodestone::lab::chart::Chart, says: &str, caption: &str| {
         Item::Figure(Figure::new(chart, says, caption))
     };
     let table = Table {

@@ -6,7 +6,7 @@ use laz::{LazVlr, LazVlrBuilder};
 use super::super::Reading;
 use super::super::coding::Coding;
 use super::*;
-use crate::disk::others::Links;
+use crate::platform::disk::others::Links;
 
 /// A LAZ file built by hand, chunk by chunk.
 pub struct Handmade {

@@ -9,7 +9,7 @@ mod round_trips;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::cloud::attribute::{ExtraField, Scalar};
+use crate::octree::attribute::{ExtraField, Scalar};
 
 /// Records like those of a scan, from a seed: coordinates that wander, returns
 /// that make sense, the rest anything.

@@ -1,0 +1,262 @@
+//! Distribute: each slice of the input becomes a run, its raw records bucketed
+//! by chunk with one counting sort and written one behind the other ("Fast
+//! Out-of-Core Octree Generation", 4.1, distributing; DESIGN.md, decision 4).
+//!
+//! A run lies in memory where the cloud fits it, else in one scratch file at a
+//! place known beforehand: sequential writes, no appending to thousands of
+//! files, and a rerun of a slice overwrites just its own run.
+
+use std::sync::{Arc, Mutex};
+
+use super::checkpoint::receipt::Receipt;
+use super::checkpoint::scratch::Scratch;
+use super::context::{Context, Stage};
+use super::error::{Result, StageError};
+use super::set_aside::{self, Range, Reason};
+use super::survey::{Kept, Survey, Unit};
+use super::workers;
+use crate::octree::record;
+
+/// Where a run's records are.
+pub enum Place {
+    Memory(Vec<u8>),
+    /// From this byte of the scratch file.
+    Scratch(u64),
+}
+
+/// One slice's records, chunk by chunk.
+pub struct Run {
+    pub input: usize,
+    pub place: Place,
+}
+
+/// A chunk's part of a run, in records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    pub run: u32,
+    pub first: u32,
+    pub points: u32,
+}
+
+/// All runs, and each chunk's parts in the order of the input.
+pub struct Runs {
+    pub runs: Vec<Run>,
+    pub parts: Vec<Vec<Part>>,
+    /// What lies outside the survey's region.
+    pub outliers: Vec<Range>,
+    pub scratch: Option<Arc<Scratch>>,
+}
+
+impl Runs {
+    /// The raw records of a part, of so many bytes each: where they lie, or in
+    /// `buffer`.
+    pub fn records<'a>(&'a self, part: Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
+        let (from, bytes) = (part.first as usize * length, part.points as usize * length);
+        match (&self.runs[part.run as usize].place, &self.scratch) {
+            (Place::Memory(records), _) => Ok(&records[from..from + bytes]),
+            (Place::Scratch(at), Some(scratch)) => {
+                buffer.resize(bytes, 0);
+                scratch.runs.read_exact_at(buffer, at + from as u64)?;
+                Ok(buffer)
+            }
+            (Place::Scratch(_), None) => {
+                Err(StageError::Inconsistent(format!("run {} is nowhere", part.run)))
+            }
+        }
+    }
+}
+
+/// A run once it is made, with the points it holds of each chunk.
+type Made = Mutex<Option<(Run, Vec<u32>)>>;
+
+/// Cuts the surveyed units into runs.
+pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Context) -> Result<Runs> {
+    context.progress.begin(Stage::Distribute, survey.points);
+    let buckets = buckets(survey);
+    let made: Vec<Made> = survey.units.iter().map(|_| Mutex::new(None)).collect();
+    workers::in_order(
+        context.threads,
+        survey.units.len(),
+        &context.cancel,
+        Bucketer::default,
+        |state, i| {
+            let unit = &survey.units[i];
+            let (place, counts) = match scratch {
+                None => state.run_in_memory(survey, unit)?,
+                Some(scratch) => {
+                    let counts = match scratch.past.bucketed.get(&(i as u32)) {
+                        Some(counts) => spread(counts, buckets)?,
+                        None => state.run_in_scratch(survey, unit, i as u32, scratch)?,
+                    };
+                    (Place::Scratch(unit.at), counts)
+                }
+            };
+            let run = Run { input: unit.input, place };
+            *made[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((run, counts));
+            context.progress.advance(u64::from(unit.slice.points));
+            Ok(())
+        },
+    )?;
+    for input in &survey.inputs {
+        input.las.check_unchanged()?;
+    }
+    collect(survey, made, scratch.cloned())
+}
+
+/// Counts of the chunks that have some, as counts of all.
+fn spread(held: &[(u32, u32)], chunks: usize) -> Result<Vec<u32>> {
+    let mut counts = vec![0; chunks];
+    for (chunk, points) in held {
+        let Some(count) = counts.get_mut(*chunk as usize) else {
+            return Err(StageError::Inconsistent(format!("a receipt names chunk {chunk} of {chunks}")));
+        };
+        *count = *points;
+    }
+    Ok(counts)
+}
+
+/// One for each chunk, and one for what goes into none.
+fn buckets(survey: &Survey) -> usize {
+    survey.plan.chunks.len() + usize::from(!survey.region.is_everywhere())
+}
+
+/// Turns per-run counts into per-chunk parts.
+fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> Result<Runs> {
+    let mut parts: Vec<Vec<Part>> = vec![Vec::new(); buckets(survey)];
+    let mut runs = Vec::with_capacity(made.len());
+    for slot in made {
+        let Some((run, counts)) = slot.into_inner().unwrap_or_else(|e| e.into_inner()) else {
+            return Err(StageError::Inconsistent("a slice was not distributed".into()));
+        };
+        let mut first = 0;
+        for (chunk, points) in counts.into_iter().enumerate().filter(|(_, n)| *n > 0) {
+            parts[chunk].push(Part { run: runs.len() as u32, first, points });
+            first += points;
+        }
+        runs.push(run);
+    }
+    for (chunk, parts) in survey.plan.chunks.iter().zip(&parts) {
+        let found: u64 = parts.iter().map(|p| u64::from(p.points)).sum();
+        if found != chunk.points {
+            // The census and the distribution read the same file twice.
+            let input = parts.first().map_or(0, |p| runs[p.run as usize].input);
+            return Err(StageError::changed(&survey.inputs[input].las));
+        }
+    }
+    let outside = parts.split_off(survey.plan.chunks.len()).into_iter().flatten();
+    let outliers: Vec<Range> = outside
+        .map(|Part { run, first, points }| Range { run, first, points, reason: Reason::Outlier })
+        .collect();
+    if set_aside::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
+        return Err(StageError::changed(&survey.inputs[0].las));
+    }
+    Ok(Runs { runs, parts, outliers, scratch })
+}
+
+/// One worker's buffers.
+#[derive(Default)]
+struct Bucketer {
+    slice: Vec<u8>,
+    run: Vec<u8>,
+    /// Chunks of the slice's points: how many of one come one behind the other.
+    rows: Vec<(u32, u32)>,
+}
+
+impl Bucketer {
+    /// Makes a slice's run in memory.
+    fn run_in_memory(&mut self, survey: &Survey, unit: &Unit) -> Result<(Place, Vec<u32>)> {
+        let records = match std::mem::replace(&mut *unit.kept(), Kept::Nowhere) {
+            Kept::Memory(records) => records,
+            Kept::Nowhere | Kept::Scratch => {
+                let mut records = Vec::new();
+                survey.inputs[unit.input].las.read(unit.slice, &mut records)?;
+                records
+            }
+        };
+        let counts = self.bucket(survey, unit.input, &records)?;
+        Ok((Place::Memory(std::mem::replace(&mut self.run, records)), counts))
+    }
+
+    /// Makes a slice's run in the scratch, at the place where the slice itself may
+    /// lie.
+    fn run_in_scratch(
+        &mut self,
+        survey: &Survey,
+        unit: &Unit,
+        number: u32,
+        scratch: &Scratch,
+    ) -> Result<Vec<u32>> {
+        let input = &survey.inputs[unit.input];
+        let mut records = std::mem::take(&mut self.slice);
+        if matches!(*unit.kept(), Kept::Scratch) {
+            records.resize(unit.slice.points as usize * input.source.record_length, 0);
+            scratch.runs.read_exact_at(&mut records, unit.at)?;
+            scratch.receipt(&Receipt::Bucketing { unit: number })?;
+        } else {
+            input.las.read(unit.slice, &mut records)?;
+        }
+        let counts = self.bucket(survey, unit.input, &records)?;
+        self.slice = records;
+        scratch.runs.write_all_at(&self.run, unit.at)?;
+        let held = (0..).zip(&counts).filter(|(_, n)| **n > 0).map(|(chunk, n)| (chunk, *n)).collect();
+        let end = unit.at + self.run.len() as u64;
+        scratch.receipt(&Receipt::Bucketed { unit: number, end, counts: held })?;
+        Ok(counts)
+    }
+
+    /// Sorts raw records by chunk into `self.run`, stable; returns how many
+    /// each chunk got.
+    fn bucket(&mut self, survey: &Survey, input: usize, records: &[u8]) -> Result<Vec<u32>> {
+        let source = &survey.inputs[input];
+        let length = source.source.record_length;
+        let mut counts = vec![0u32; buckets(survey)];
+        let outside = (counts.len() - 1) as u32;
+        if counts.len() == 1 {
+            counts[0] = (records.len() / length) as u32;
+            self.run.clear();
+            self.run.extend_from_slice(records);
+            return Ok(counts);
+        }
+        self.rows.clear();
+        for r in records.chunks_exact(length) {
+            let raw = record::raw_position(r);
+            let chunk = if survey.region.holds(input, raw) {
+                let tree = survey.cube.tree(source.requantise.stored(raw));
+                let chunk = survey.plan.chunk_of(tree);
+                chunk.ok_or_else(|| StageError::changed(&source.las))?
+            } else {
+                outside
+            };
+            match self.rows.last_mut() {
+                Some((last, points)) if *last == chunk => *points += 1,
+                _ => self.rows.push((chunk, 1)),
+            }
+        }
+        for (chunk, points) in &self.rows {
+            counts[*chunk as usize] += points;
+        }
+        let mut next = Vec::with_capacity(counts.len());
+        let mut at = 0;
+        for count in &counts {
+            next.push(at);
+            at += *count as usize * length;
+        }
+        self.run.resize(records.len(), 0);
+        let mut rest = records;
+        for (chunk, points) in &self.rows {
+            let (row, behind) = rest.split_at(*points as usize * length);
+            let to = &mut next[*chunk as usize];
+            let into = &mut self.run[*to..*to + row.len()];
+            // Most rows are long; in a cloud without any order they are single
+            // records, for which a call costs more than the copying.
+            if *points == 1 {
+                record::copy_record(row, into)
+            } else {
+                into.copy_from_slice(row)
+            }
+            *to += row.len();
+            rest = behind;
+        }
+        Ok(counts)
+    }
+}

@@ -1,0 +1,79 @@
+//! A crowd: a chunk of one position, which holds more points than a chunk may. A
+//! leaf's worth of them stays in the octree, and the rest is never in memory at
+//! once.
+
+use super::exact_duplicates;
+use crate::convert::context::Cancel;
+use crate::convert::distribute::{Part, Runs};
+use crate::convert::error::{Result, StageError};
+use crate::convert::options::{Mode, Options};
+use crate::convert::set_aside::{self, Range, Reason};
+use crate::convert::survey::Survey;
+use crate::octree::chunk_plan::Chunk;
+use crate::octree::node::LEAF_LIMIT;
+
+/// Records that are looked at at once.
+const BLOCK: u32 = 1 << 14;
+
+/// Whether a chunk is one position that keeps a leaf's worth of its points.
+pub fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
+    options.duplicates != Mode::Keep && u32::from(chunk.node.level) == survey.cube.bits
+}
+
+/// What stays of a crowd: its first points; where twins are set aside, the first
+/// that differ. A twin is here what equals a point that stays. What differs from
+/// those is a duplicate, be it twice there, so nothing else need be remembered.
+pub fn thin(
+    survey: &Survey,
+    runs: &Runs,
+    parts: &[Part],
+    options: &Options,
+    cancel: &Cancel,
+) -> Result<(Vec<Part>, Vec<Range>)> {
+    if options.twins == Mode::Keep {
+        // The rest need not even be read.
+        return Ok(set_aside::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate));
+    }
+    let mut seen = exact_duplicates::hashes(LEAF_LIMIT);
+    let (mut kept, mut aside) = (Vec::new(), Vec::new());
+    let mut buffer = Vec::new();
+    for block in parts.iter().copied().flat_map(blocks) {
+        if cancel.is_cancelled() {
+            return Err(StageError::Cancelled);
+        }
+        let run = &runs.runs[block.run as usize];
+        let input = &survey.inputs[run.input];
+        let length = input.source.record_length;
+        let records = runs.records(block, length, &mut buffer)?.chunks_exact(length);
+        for (at, record) in (block.first..).zip(records) {
+            let one = Part { first: at, points: 1, ..block };
+            let hash = exact_duplicates::hash(input.layout, record);
+            if seen.contains(&hash) {
+                set_aside::put(&mut aside, one, Reason::Twin);
+            } else if seen.len() == LEAF_LIMIT {
+                set_aside::put(&mut aside, one, Reason::Duplicate);
+            } else {
+                seen.insert(hash);
+                keep(&mut kept, one);
+            }
+        }
+    }
+    Ok((kept, aside))
+}
+
+/// A part, block by block.
+fn blocks(part: Part) -> impl Iterator<Item = Part> {
+    (0..part.points).step_by(BLOCK as usize).map(move |from| Part {
+        first: part.first + from,
+        points: BLOCK.min(part.points - from),
+        ..part
+    })
+}
+
+/// Neighbours become one part.
+fn keep(kept: &mut Vec<Part>, one: Part) {
+    match kept.last_mut() {
+        Some(last) if last.run == one.run && last.first + last.points == one.first => last.points += 1,
+        _ => kept.push(one),
+    }
+}

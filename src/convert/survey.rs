@@ -1,0 +1,372 @@
+//! Survey: what the inputs hold, where it lies, and how to cut it up. One pass
+//! over the points where the headers told the truth about the box, one more
+//! where they did not, and one for each refinement of places that are too dense
+//! ("Fast Out-of-Core Octree Generation", 4.1, counting and merging).
+//!
+//! While memory allows, the decoded records are kept: decoding is the dearest
+//! step of a LAZ conversion and is done once.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::checkpoint::receipt::{self, Identity};
+use super::checkpoint::scratch::Scratch;
+use super::context::Context;
+use super::copc::{self, CopcPlan};
+use super::counting::{Base, Counter, Findings};
+use super::error::{Result, StageError};
+use super::gps_times;
+use super::guards::damaged_input;
+use super::guards::exact_duplicates;
+use super::guards::outliers::Region;
+use super::options::{Damaged, LodColor, Mode, Options};
+use super::reference::{self, Reference};
+use super::workers;
+use crate::format::las::{GpsTime, LasFile, Slice};
+use crate::octree::chunk_plan::{self, Plan};
+use crate::octree::color_average;
+use crate::octree::cube::Cube;
+use crate::octree::lattice::{Lattice, Requantise};
+use crate::octree::record::{self, Source, Unified};
+
+/// One input file that has points.
+pub struct Input {
+    pub las: LasFile,
+    pub source: Source,
+    pub requantise: Requantise,
+    /// Records of inputs that share this number can stand in one file.
+    pub layout: usize,
+}
+
+/// A slice of an input, and its records where they were kept.
+pub struct Unit {
+    pub input: usize,
+    pub slice: Slice,
+    /// Where its records lie in the scratch, if they do.
+    pub at: u64,
+    pub kept: Mutex<Kept>,
+}
+
+/// Where a slice's decoded records are.
+#[derive(Debug)]
+pub enum Kept {
+    /// In the input alone.
+    Nowhere,
+    Memory(Vec<u8>),
+    /// In the scratch, at the unit's place.
+    Scratch,
+}
+
+impl Unit {
+    pub fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The inputs with their headers read, and how they will be gone through.
+pub struct Opened {
+    files: Vec<LasFile>,
+    gps_time: Option<GpsTime>,
+    units: Vec<Unit>,
+    points: u64,
+    missing: u64,
+    /// Whether all records fit the memory.
+    pub in_core: bool,
+    /// What the files were found to say that is not so; the points decided.
+    pub repairs: Vec<String>,
+    /// What else is odd about them.
+    pub notes: Vec<String>,
+}
+
+/// What the later stages go by.
+pub struct Survey {
+    pub inputs: Vec<Input>,
+    pub units: Vec<Unit>,
+    /// All of the inputs' points.
+    pub points: u64,
+    /// Points that the inputs promise beyond those.
+    pub missing: u64,
+    /// Which of them go into the octree, but for crowds.
+    pub region: Region,
+    pub lattice: Lattice,
+    pub cube: Cube,
+    pub unified: Unified,
+    pub plan: Plan,
+    /// For viewers: a proj4 string, or empty.
+    pub projection: String,
+    /// The coordinate reference system in words, or empty.
+    pub crs: String,
+    /// What the octree's GPS times count from, where the inputs say so.
+    pub gps_time: Option<GpsTime>,
+    /// How the COPC file is made, where one is asked for.
+    pub copc: Option<CopcPlan>,
+    /// Whether all records are in memory.
+    pub in_core: bool,
+    /// What the files were found to say that is not so; the points decided.
+    pub repairs: Vec<String>,
+    /// What else is odd about them.
+    pub notes: Vec<String>,
+}
+
+/// Memory that indexing a chunk of so many points takes, in bytes: two arrays
+/// of items and the finished records beside the raw ones.
+pub fn chunk_memory(points: u64, raw: u64, record: u64, options: &Options) -> u64 {
+    let averages = match options.lod_color {
+        LodColor::Keep => 0,
+        LodColor::Attribute | LodColor::Average => {
+            color_average::MEMORY + points * color_average::MEMORY_A_CANDIDATE
+        }
+    };
+    let twins = if options.twins == Mode::Keep { 0 } else { exact_duplicates::memory(points) };
+    let copc = if options.format.copc { copc::memory(points, record, options) } else { 0 };
+    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages + twins + copc
+}
+
+/// Opens the inputs, each a file.
+pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
+    let Files { mut files, missing, repairs, mut notes } = open_all(paths, options.damaged, context)?;
+    let gps_time = gps_times::bring_together(&mut files, options.format, &mut notes)?;
+    let points: u64 = files.iter().map(|f| f.header().points).sum();
+    if points == 0 {
+        let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
+        return Err(StageError::NoPoints(names.join(", ")));
+    }
+    let units = cut_into_units(&files, points);
+    let in_core = fits_in_core(&files, &units, points, options, context);
+    Ok(Opened { files, gps_time, units, points, missing, in_core, repairs, notes })
+}
+
+impl Opened {
+    /// What tells this conversion from any other: the program, the options, the
+    /// inputs as they are now, and where the octree goes.
+    pub fn identity(&self, options: &Options, output: &Path) -> Identity {
+        let mut hasher = blake3::Hasher::new();
+        let mut add = |bytes: &[u8]| {
+            hasher.update(&(bytes.len() as u64).to_le_bytes());
+            hasher.update(bytes);
+        };
+        add(receipt::FORMAT.as_bytes());
+        add(serde_json::to_string(options).unwrap_or_default().as_bytes());
+        add(std::path::absolute(output).unwrap_or_else(|_| output.into()).as_os_str().as_encoded_bytes());
+        for file in &self.files {
+            add(file.path().as_os_str().as_encoded_bytes());
+            add(file.stamp().as_bytes());
+            add(&file.header().points.to_le_bytes());
+        }
+        *hasher.finalize().as_bytes()
+    }
+}
+
+/// Surveys the inputs. Out of core, decoded LAZ goes to the scratch, and what
+/// an earlier run put there is not decoded again.
+pub fn survey(
+    opened: Opened,
+    options: &Options,
+    scratch: Option<&Scratch>,
+    context: &Context,
+) -> Result<Survey> {
+    let Opened { files, gps_time, units, points, missing, in_core, mut repairs, mut notes } = opened;
+    let sources: Vec<Source> = files
+        .iter()
+        .map(|f| Source {
+            format: f.header().point_format,
+            record_length: f.header().record_length,
+            extra: f.header().extra.clone(),
+        })
+        .collect();
+    let counter = Counter {
+        files: &files,
+        units: &units,
+        keep: in_core,
+        scratch,
+        context,
+        guard: options.outliers,
+        region: Region::default(),
+    };
+    let (findings, base) =
+        counter.findings(points).map_err(|error| damaged_input::explain(error, context))?;
+    let Findings { found, census, region, repairs: more, notes: odd } = findings;
+    repairs.extend(more);
+    notes.extend(odd);
+    let limit = chunk_plan::chunk_limit(points);
+
+    let ored: Vec<(Source, Vec<u8>)> =
+        sources.iter().cloned().zip(found.into_iter().map(|f| f.ored)).collect();
+    let mut unified = Unified::new(&ored, &options.attributes, options.lod_color.second());
+    check_wanted(options, &unified)?;
+    let Base { lattice, requantise, cube } = base;
+    let position = &mut unified.schema.attributes[0];
+    (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
+    let Reference { crs, projection } = reference::find(&files, options.crs.as_deref(), &lattice, &mut notes);
+    let layouts = layouts(&files, &sources);
+    let inputs = files
+        .into_iter()
+        .zip(sources)
+        .zip(requantise)
+        .zip(layouts)
+        .map(|(((las, source), requantise), layout)| Input { las, source, requantise, layout });
+    let plan = Plan::new(census, limit);
+    let inputs: Vec<Input> = inputs.collect();
+    let mut survey = Survey {
+        inputs,
+        units,
+        points,
+        missing,
+        region,
+        lattice,
+        cube,
+        unified,
+        plan,
+        projection,
+        crs,
+        gps_time,
+        copc: None,
+        in_core,
+        repairs,
+        notes,
+    };
+    if options.format.copc {
+        survey.copc = Some(CopcPlan::new(&mut survey)?);
+    }
+    Ok(survey)
+}
+
+/// The inputs that have points, what they lack, and what is odd about all.
+struct Files {
+    files: Vec<LasFile>,
+    missing: u64,
+    repairs: Vec<String>,
+    notes: Vec<String>,
+}
+
+/// Opens all files; those without points are left out.
+fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Files> {
+    let opened: Vec<Mutex<Option<LasFile>>> = paths.iter().map(|_| Mutex::new(None)).collect();
+    workers::in_order(
+        context.threads,
+        paths.len(),
+        &context.cancel,
+        || (),
+        |(), i| {
+            let file = damaged_input::open(&paths[i], damaged, context)?;
+            *opened[i].lock().unwrap_or_else(|e| e.into_inner()) = Some(file);
+            Ok(())
+        },
+    )?;
+    let mut opened: Vec<LasFile> = opened.into_iter().filter_map(|f| f.into_inner().ok().flatten()).collect();
+    if damaged == Damaged::Keep {
+        opened = damaged_input::leave_out(opened, context)?;
+    }
+    let (mut repairs, mut notes) = (Vec::new(), Vec::new());
+    let mut files = Vec::new();
+    let missing = opened.iter().map(|file| file.header().missing).sum();
+    for file in opened {
+        let name = file.path().display();
+        repairs.extend(file.header().notes.iter().map(|n| format!("{name}: {n}")));
+        if file.header().points > 0 {
+            files.push(file);
+        } else {
+            notes.push(format!("{name}: holds no points"));
+        }
+    }
+    Ok(Files { files, missing, repairs, notes })
+}
+
+/// Slices of a cloud, but for the longest of records, and a cloud of many files.
+const MOST_UNITS: u64 = 1 << 16;
+
+/// Slices small enough to keep all cores busy to the end, large enough that
+/// their parts for one chunk are worth a read.
+fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
+    let most = points_of_a_unit(points);
+    let mut units = Vec::new();
+    let mut end = 0;
+    for (input, file) in files.iter().enumerate() {
+        for slice in file.slices(most) {
+            units.push(Unit { input, slice, at: end, kept: Mutex::new(Kept::Nowhere) });
+            end += u64::from(slice.points) * file.header().record_length as u64;
+        }
+    }
+    units
+}
+
+/// A LAZ header may promise billions of points for a few bytes; there must not be a
+/// slice for each million of them.
+fn points_of_a_unit(points: u64) -> u32 {
+    (points / 64).clamp(50_000, 1_000_000).max(points / MOST_UNITS).min(u64::from(u32::MAX)) as u32
+}
+
+/// Points a thread up to which a cloud is converted in core, where nothing is
+/// kept of it should it be interrupted: a minute or two of work.
+const IN_CORE_POINTS: u64 = 100_000_000;
+
+/// Whether all raw records fit the memory limit beside the work on them.
+fn fits_in_core(
+    files: &[LasFile],
+    units: &[Unit],
+    points: u64,
+    options: &Options,
+    context: &Context,
+) -> bool {
+    let raw: u64 = files.iter().map(|f| f.header().points * f.header().record_length as u64).sum();
+    let longest = files.iter().map(|f| f.header().record_length as u64).max().unwrap_or(0);
+    let slice = units.iter().map(|u| u64::from(u.slice.points)).max().unwrap_or(0) * longest;
+    let chunk = points.min(chunk_plan::chunk_limit(points));
+    let record = longest + 8 + options.lod_color.second().map_or(0, |_| 6);
+    let work = context.threads as u64 * (slice + chunk_memory(chunk, 0, record, options));
+    // What joins the chunks' roots waits for the merge.
+    let joining = if options.format.copc { points * record } else { 0 };
+    let needed = raw + joining + work + chunk_plan::census_cells(points) * 16 + (32 << 20);
+    needed <= context.memory_limit && points <= IN_CORE_POINTS * context.threads as u64
+}
+
+/// For each input the first that has the same fields, scale, offset and kind of GPS
+/// times.
+fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
+    // Tiles by the thousand may each have their own offset.
+    let mut by_grid: HashMap<[u64; 6], Vec<usize>> = HashMap::new();
+    let layout = |input: usize| {
+        let header = files[input].header();
+        let ([a, b, c], [d, e, f]) = (header.scale, header.offset);
+        let alike = by_grid.entry([a, b, c, d, e, f].map(f64::to_bits)).or_default();
+        let first = alike.iter().copied().find(|other| {
+            sources[*other] == sources[input] && files[*other].own_gps_time() == files[input].own_gps_time()
+        });
+        first.unwrap_or_else(|| {
+            alike.push(input);
+            input
+        })
+    };
+    (0..files.len()).map(layout).collect()
+}
+
+/// A name that was asked for must exist somewhere, used or not.
+fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
+    if record::is_auto(&options.attributes) {
+        return Ok(());
+    }
+    let kept = unified.schema.attributes.iter().map(|a| &a.name);
+    let known: Vec<&str> = kept.chain(&unified.unused).chain(&unified.left_out).map(String::as_str).collect();
+    for wanted in &options.attributes {
+        if !known.iter().any(|name| name.eq_ignore_ascii_case(wanted)) {
+            return Err(StageError::UnknownAttribute { wanted: wanted.clone(), known: known.join(", ") });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A LAZ header may promise as many points as no coder gets into its bytes, and
+    /// must not have memory prepared for a slice of each million of them.
+    #[test]
+    fn a_promise_makes_no_more_slices_than_a_cloud_has() {
+        for points in [1, 50_000, 10_000_000, 200_000_000_000, 1 << 47] {
+            let slices = points / u64::from(points_of_a_unit(points));
+            assert!(slices <= MOST_UNITS + 1, "{slices} slices for {points} points");
+        }
+    }
+}

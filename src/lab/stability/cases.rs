@@ -1,0 +1,54 @@
+//! The scenes of the table.
+
+use super::Wishes;
+use crate::lab::synth::{Kind, Recipe};
+
+/// A scene and what it is called.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    pub title: String,
+    pub recipe: Recipe,
+}
+
+impl Case {
+    fn of(kind: Kind, points: u64) -> Case {
+        Case::called(kind.name(), Recipe::new(kind, points, 1))
+    }
+
+    fn called(title: &str, recipe: Recipe) -> Case {
+        Case { title: title.to_string(), recipe }
+    }
+
+    /// The scene that all others are held against.
+    pub fn benign(points: u64) -> Case {
+        Case::of(Kind::Terrain, points)
+    }
+}
+
+/// What was wished for, by the number of points, so that the benign scene is
+/// made once for each.
+pub fn wished(wishes: &Wishes) -> Vec<Case> {
+    let points = wishes.points;
+    let mut cases: Vec<Case> = Kind::ALL.map(|kind| Case::of(kind, points)).into();
+    let duplicates = Recipe::new(Kind::Duplicates, points, 1);
+    cases.push(Case::called("duplicates, pairs", Recipe { twins: true, ..duplicates }));
+    cases.push(Case::called("duplicates, 99 %", Recipe { share: 0.99, ..duplicates }));
+    let town = Recipe::new(Kind::Town, points, 1);
+    cases.push(Case::called("town, 1 cm in 10 km", Recipe { teapot: true, ..town }));
+    if wishes.full {
+        let outliers = Recipe::new(Kind::Outliers, 20_000_000, 1);
+        cases.push(Case::called("outliers", outliers));
+        cases.push(Case::called("outliers, 780 km", Recipe { span: 780.0, ..outliers }));
+        cases.push(Case::called(
+            "town, 1 cm in 10 km",
+            Recipe { teapot: true, ..Recipe::new(Kind::Town, 20_000_000, 1) },
+        ));
+        cases.push(Case::called("volume, 300³", Recipe::new(Kind::Volume, 27_000_000, 1)));
+        cases.push(Case::called(
+            "duplicates, one position",
+            Recipe { share: 1.0, ..Recipe::new(Kind::Duplicates, 40_000_000, 1) },
+        ));
+    }
+    cases.retain(|case| wishes.scenes.is_empty() || wishes.scenes.contains(&case.recipe.kind));
+    cases
+}

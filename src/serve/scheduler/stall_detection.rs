@@ -1,0 +1,142 @@
+//! A run that stands still is stopped, and given up where it does not stop. Only
+//! standing still counts: a job that moves may run for a month.
+
+use super::finish_run::wish_end;
+use super::{Engine, Running, Stop};
+use crate::platform::clock::Millis;
+use crate::serve::job::Job;
+use crate::serve::job::retry_policy::End;
+use crate::serve::queue::{Ending, Result};
+
+/// Why a job waits whose old run has not ended: two runs would write into the
+/// same folders.
+const HANGS: &str =
+    "an earlier run of it hangs and has not ended; it goes on when that ends, or after a restart";
+/// Why a job waits while the older content of its data set is still converted.
+const STOPPING: &str = "the run of its source's other content has not ended yet; it starts when that has";
+/// How long it waits for that where there is no limit to standing still.
+const LONGEST_STOP: Millis = 30 * 60_000;
+/// How long a stopped run has to end, in milliseconds.
+const GRACE: Millis = 60_000;
+/// What one look may add at most: a machine that slept for the night, or a clock
+/// that was set ahead, does not make a job stand still.
+const LONGEST_LOOK: Millis = 10_000;
+
+/// How long a run has stood still, as far as we have looked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Pulse {
+    moved_at: Millis,
+    looked_at: Millis,
+    still: Millis,
+    /// How much of that was after it was told to stop.
+    stopping: Millis,
+}
+
+impl Pulse {
+    pub fn new(now: Millis) -> Pulse {
+        Pulse { moved_at: now, looked_at: now, still: 0, stopping: 0 }
+    }
+
+    /// Notes one look at a run whose progress last moved at `moved_at`.
+    pub fn feel(&mut self, moved_at: Millis, now: Millis) {
+        // Backwards is no time at all.
+        let passed = (now - self.looked_at).clamp(0, LONGEST_LOOK);
+        self.looked_at = now;
+        if moved_at == self.moved_at {
+            self.still += passed;
+        } else {
+            (self.moved_at, self.still) = (moved_at, 0);
+        }
+        self.stopping += passed;
+    }
+
+    /// Notes that the run was told to stop.
+    pub fn stop(&mut self) {
+        self.stopping = 0;
+    }
+}
+
+impl Engine {
+    /// The run that a job waits for, in words. One that was told to stop and does
+    /// not is waited for until it would be given up: the two have folders of their
+    /// own, and the old one's result no longer counts.
+    pub(super) fn waits_for_a_run(&self, job: &Job) -> Option<&'static str> {
+        if self.abandoned.contains(&job.id) {
+            return Some(HANGS);
+        }
+        let limit = self.tools.config.stall.unwrap_or(LONGEST_STOP).max(GRACE);
+        let counts = |run: &Running| run.stop.is_none() || run.pulse.stopping < limit;
+        self.running.values().any(|run| run.job.source == job.source && counts(run)).then_some(STOPPING)
+    }
+
+    /// Part of step 3.
+    pub(super) async fn give_up_the_dead(&mut self) -> Result<()> {
+        let Some(stall) = self.tools.config.stall else { return Ok(()) };
+        let mut dead = Vec::new();
+        for (job, running) in &mut self.running {
+            let still = running.pulse.still >= stall;
+            match running.stop {
+                None if still => {
+                    tracing::error!(job, name = running.job.name, "{}; stopping it", reason(stall));
+                    self.tools.metrics.jobs_stalled.inc();
+                    running.stop = Some(Stop::Stalled);
+                    running.pulse.stop();
+                    running.cancel.cancel();
+                }
+                // An operator may have called it off meanwhile, or seen it first.
+                Some(Stop::Stalled) if running.pulse.stopping >= GRACE => {
+                    dead.push((*job, Ending { end: End::Crashed, error: Some(reason(stall)) }));
+                }
+                Some(Stop::Wish(wish)) if still && running.pulse.stopping >= GRACE => {
+                    dead.push((*job, Ending { end: wish_end(wish), error: None }));
+                }
+                _ => {}
+            }
+        }
+        for (job, ending) in dead {
+            // Its end may have come in this moment, and wait to be recorded.
+            if self.unrecorded.iter().any(|finished| finished.job == job) {
+                continue;
+            }
+            let (now, policy) = (self.tools.clock.now(), &self.tools.config.policy);
+            self.tools.store.finish(job, &self.owner, &ending, policy, now).await?;
+            tracing::error!(job, "did not stop within a minute; given up");
+            self.running.remove(&job);
+            self.abandoned.insert(job);
+            self.tools.board.take_down(job);
+        }
+        Ok(())
+    }
+}
+
+/// What the operator is told.
+pub(super) fn reason(stall: Millis) -> String {
+    let seconds = stall / 1000;
+    match seconds {
+        0..120 => format!("made no progress for {seconds} s"),
+        _ => format!("made no progress for {} min", seconds / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_standing_still_counts_and_no_jump_of_the_clock() {
+        let mut pulse = Pulse::new(0);
+        for now in 1..=100 {
+            pulse.feel(now * 1000, now * 1000);
+        }
+        assert_eq!(pulse.still, 0, "it moved all the time");
+        pulse.feel(100_000, 101_000);
+        assert_eq!(pulse.still, 1000);
+        pulse.feel(100_000, 90_000_000);
+        assert_eq!(pulse.still, 1000 + LONGEST_LOOK, "a night is one look");
+        pulse.feel(100_000, 5_000);
+        pulse.feel(100_000, 6_000);
+        assert_eq!(pulse.still, 2000 + LONGEST_LOOK, "set back, it goes on from there");
+        pulse.feel(6_500, 7_000);
+        assert_eq!(pulse.still, 0);
+    }
+}
