@@ -1,112 +1,81 @@
-//! Charts: pure functions from figures to SVG and HTML. They know no sampler, no
-//! renderer and no file.
+//! The charts of the report: pure functions from figures to SVG and HTML. They know no
+//! sampler, no renderer and no file.
 //!
-//! Drawn here and not by a crate: marks and text must follow the page's light and
-//! dark colours by CSS variables, labels stand at their marks instead of in a
-//! legend, and a page of fifteen charts is to be a file that one mails. What a crate
-//! would save is the easy part.
-//!
-//! The way of a chart: its values (`data`) → ranges and round ticks (`ticks`) →
-//! a ruler from values to places (`ruler`) → `frame`, marks (`shape`), labels that
-//! keep out of each other's way (`label`) → markup (`canvas`). Nothing asks a browser
-//! how wide a text is: `text` estimates it on the wide side.
+//! Drawn here because the nearest crate, kuva 0.6, was tried on the hardest of them and put
+//! labels on each other and on marks; its colors are fixed, where a page has light and dark.
 
-pub mod bars;
-pub mod data;
-pub mod lines;
-pub mod page;
-pub mod pattern;
-pub mod scatter;
-pub mod table;
-
+mod axis;
 mod canvas;
-mod drawing;
-mod figures;
-mod frame;
-mod front;
-mod grid;
-mod key;
+mod dots;
 mod label;
 mod number;
-mod rect;
-mod ruler;
+mod page;
+mod panel;
+mod pattern;
+mod plot;
 mod shape;
-mod spots;
-mod style;
-mod text;
-mod ticks;
+mod table;
 
-pub use bars::{Bar, Bars, Group};
-pub use data::{Axis, Before, Better, Mark, Quantity, Scale, Series};
-pub use lines::{Lines, Panel, Reference};
+pub use axis::{Axis, Better, Scale};
+pub use dots::{Bar, Bars, Group};
 pub use page::{Figure, Item, Page, Section};
 pub use pattern::{Pattern, Patterns};
-pub use scatter::Scatter;
+pub use plot::{Before, Mark, Panel, Plot, Quantity, Reference, Series, Style};
 pub use table::{Cell, Column, Table};
-
-use canvas::Setting;
-use drawing::Drawing;
 
 /// Any chart.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Chart {
-    Scatter(Scatter),
-    Lines(Lines),
+    Plot(Plot),
     Bars(Bars),
     Patterns(Patterns),
 }
 
 impl Chart {
-    /// The chart as an `<svg>` for a page of ours, whose style it needs.
+    /// The chart as an `<svg>` for a [`Page`], whose style it needs.
     pub fn svg(&self) -> String {
-        self.drawing().svg(Setting::Page)
+        self.draw().svg(self.title())
     }
 
     /// The chart as a file of its own, with style, heading and background.
     pub fn svg_standalone(&self) -> String {
-        self.drawing().svg(Setting::Alone)
+        self.draw().svg_standalone(self.title())
+    }
+
+    fn draw(&self) -> canvas::Drawing {
+        match self {
+            Chart::Plot(chart) => chart.draw(),
+            Chart::Bars(chart) => chart.draw(),
+            Chart::Patterns(chart) => chart.draw(),
+        }
+    }
+
+    /// What it is, for those who hear it instead of seeing it.
+    pub fn title(&self) -> &str {
+        match self {
+            Chart::Plot(chart) => &chart.title,
+            Chart::Bars(chart) => &chart.title,
+            Chart::Patterns(chart) => &chart.title,
+        }
     }
 
     /// Its figures as a table.
     pub fn table(&self) -> Table {
         match self {
-            Chart::Scatter(chart) => figures::scatter(chart),
-            Chart::Lines(chart) => figures::lines(chart),
-            Chart::Bars(chart) => figures::bars(chart),
-            Chart::Patterns(chart) => figures::patterns(chart),
-        }
-    }
-
-    fn drawing(&self) -> Drawing {
-        match self {
-            Chart::Scatter(chart) => chart.drawing(),
-            Chart::Lines(chart) => chart.drawing(),
-            Chart::Bars(chart) => chart.drawing(),
-            Chart::Patterns(chart) => chart.drawing(),
+            Chart::Plot(chart) => chart.table(),
+            Chart::Bars(chart) => chart.table(),
+            Chart::Patterns(chart) => chart.table(),
         }
     }
 }
 
-impl From<Scatter> for Chart {
-    fn from(chart: Scatter) -> Chart {
-        Chart::Scatter(chart)
-    }
+macro_rules! is_a_chart {
+    ($($kind:ident),*) => {$(
+        impl From<$kind> for Chart {
+            fn from(chart: $kind) -> Chart {
+                Chart::$kind(chart)
+            }
+        }
+    )*};
 }
-
-impl From<Lines> for Chart {
-    fn from(chart: Lines) -> Chart {
-        Chart::Lines(chart)
-    }
-}
-
-impl From<Bars> for Chart {
-    fn from(chart: Bars) -> Chart {
-        Chart::Bars(chart)
-    }
-}
-
-impl From<Patterns> for Chart {
-    fn from(chart: Patterns) -> Chart {
-        Chart::Patterns(chart)
-    }
-}
+is_a_chart!(Plot, Bars, Patterns);

@@ -1,8 +1,9 @@
 //! The page that charts stand on: one file of HTML that needs nothing else.
 
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
 use super::table::Table;
-use super::text::escaped;
-use super::{Chart, style};
+use super::{Chart, canvas};
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Page {
@@ -41,91 +42,77 @@ pub struct Figure {
 
 impl Figure {
     pub fn new(chart: impl Into<Chart>, says: &str, caption: &str) -> Figure {
-        Figure {
-            chart: Box::new(chart.into()),
-            says: says.to_string(),
-            caption: caption.to_string(),
-            table: None,
+        let (chart, says, caption) = (Box::new(chart.into()), says.to_string(), caption.to_string());
+        Figure { chart, says, caption, table: None }
+    }
+
+    fn html(&self) -> Markup {
+        let table = self.table.clone().unwrap_or_else(|| self.chart.table());
+        html! {
+            figure {
+                @if !self.says.is_empty() { h3 { (self.says) } "\n" }
+                div.plot { (PreEscaped(self.chart.svg())) } "\n"
+                @if !self.caption.is_empty() { figcaption { (self.caption) } "\n" }
+                @if !table.rows.is_empty() { details { summary { "The figures" } "\n" (table.html()) } }
+            }
+            "\n"
         }
     }
 }
 
 impl Page {
+    /// The whole file. Its elements are closed as XML wants them, so that it is both.
     pub fn html(&self) -> String {
-        let title = escaped(&self.title);
-        let sections: String = self.sections.iter().enumerate().map(|(at, part)| part.html(at)).collect();
-        format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-             <meta name=\"color-scheme\" content=\"light dark\"/>\n\
-             <link rel=\"icon\" href=\"data:,\"/>\n\
-             <title>{title}</title>\n<style>\n{}{}{}</style></head>\n\
-             <body><main><header><h1>{title}</h1>\n{}{}</header>\n{sections}</main>\n{}</body></html>\n",
-            style::variables(),
-            style::CHART,
-            style::PAGE,
-            paragraphs(&self.lead, " class=\"lead\""),
-            self.contents(),
-            self.footer(),
-        )
-    }
-
-    /// Where there is more than one sees at once.
-    fn contents(&self) -> String {
-        if self.sections.len() < 3 {
-            return String::new();
-        }
-        let entries = self.sections.iter().enumerate();
-        let entries =
-            entries.map(|(at, part)| format!("<li><a href=\"#s{at}\">{}</a></li>", escaped(&part.heading)));
-        format!("<nav aria-label=\"Contents\"><ul>{}</ul></nav>", entries.collect::<String>())
-    }
-
-    fn footer(&self) -> String {
-        if self.foot.is_empty() {
-            return String::new();
-        }
-        let entries = self
-            .foot
-            .iter()
-            .map(|(key, value)| format!("<dt>{}</dt><dd>{}</dd>\n", escaped(key), escaped(value)));
-        format!("<footer><h2>How it was measured</h2>\n<dl>{}</dl></footer>\n", entries.collect::<String>())
-    }
-}
-
-impl Section {
-    fn html(&self, number: usize) -> String {
-        let items = self.items.iter().map(|item| match item {
-            Item::Text(text) => paragraphs(text, ""),
-            Item::Figure(figure) => figure.html(),
-            Item::Table(table) => table.html(),
-        });
-        let heading = escaped(&self.heading);
-        format!("<section id=\"s{number}\"><h2>{heading}</h2>\n{}</section>\n", items.collect::<String>())
-    }
-}
-
-impl Figure {
-    fn html(&self) -> String {
-        let says = match self.says.is_empty() {
-            true => String::new(),
-            false => format!("<h3>{}</h3>\n", escaped(&self.says)),
+        let head = "<meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
+                    <meta name=\"color-scheme\" content=\"light dark\"/><link rel=\"icon\" href=\"data:,\"/>\n";
+        let page = html! {
+            (DOCTYPE) "\n"
+            html lang="en" {
+                head {
+                    (PreEscaped(head))
+                    title { (self.title) }
+                    style { (PreEscaped(canvas::CSS)) (PreEscaped(include_str!("page.css"))) }
+                }
+                body {
+                    main {
+                        header {
+                            h1 { (self.title) }
+                            @for part in paragraphs(&self.lead) { p.lead { (part) } }
+                            // Where there is more than one sees at once.
+                            @if self.sections.len() > 2 {
+                                nav aria-label="Contents" { ul { @for (at, section) in self.sections.iter().enumerate() {
+                                    li { a href=(format!("#s{at}")) { (section.heading) } }
+                                } } }
+                            }
+                        }
+                        @for (at, section) in self.sections.iter().enumerate() {
+                            section id=(format!("s{at}")) {
+                                h2 { (section.heading) } "\n"
+                                @for item in &section.items {
+                                    @match item {
+                                        Item::Text(text) => { @for part in paragraphs(text) { p { (part) } } }
+                                        Item::Figure(figure) => (figure.html()),
+                                        Item::Table(table) => (table.html()),
+                                    }
+                                }
+                            }
+                        }
+                    }
+                    @if !self.foot.is_empty() {
+                        footer {
+                            h2 { "How it was measured" }
+                            dl { @for (key, value) in &self.foot { dt { (key) } dd { (value) } "\n" } }
+                        }
+                    }
+                }
+            }
+            "\n"
         };
-        let caption = match self.caption.is_empty() {
-            true => String::new(),
-            false => format!("<figcaption>{}</figcaption>\n", escaped(&self.caption)),
-        };
-        let table = self.table.clone().unwrap_or_else(|| self.chart.table());
-        let table = match table.rows.is_empty() {
-            true => String::new(),
-            false => format!("<details><summary>The figures</summary>\n{}</details>\n", table.html()),
-        };
-        format!("<figure>{says}<div class=\"plot\">{}</div>\n{caption}{table}</figure>\n", self.chart.svg())
+        canvas::cleaned(&page.0)
     }
 }
 
 /// An empty line parts paragraphs.
-fn paragraphs(text: &str, class: &str) -> String {
-    let parts = text.split("\n\n").map(str::trim).filter(|part| !part.is_empty());
-    parts.map(|part| format!("<p{class}>{}</p>\n", escaped(part))).collect()
+fn paragraphs(text: &str) -> impl Iterator<Item = &str> {
+    text.split("\n\n").map(str::trim).filter(|part| !part.is_empty())
 }

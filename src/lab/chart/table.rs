@@ -1,7 +1,8 @@
-//! The figures behind a chart, as a table of HTML.
+//! The figures behind a chart, as a table.
+
+use maud::{Markup, html};
 
 use super::number;
-use super::text::escaped;
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
@@ -17,18 +18,12 @@ pub struct Column {
     pub unit: String,
 }
 
-impl Column {
-    pub fn new(title: &str, unit: &str) -> Column {
-        Column { title: title.to_string(), unit: unit.to_string() }
-    }
-}
-
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     Text(String),
     /// To three digits that matter, or as a whole number where it is large.
     Number(f64),
-    /// Now against before, told in per cent.
+    /// Now against before, told in percent.
     Change {
         now: f64,
         before: f64,
@@ -36,17 +31,29 @@ pub enum Cell {
     Nothing,
 }
 
+impl Column {
+    pub fn new(title: &str, unit: &str) -> Column {
+        Column { title: title.to_string(), unit: unit.to_string() }
+    }
+
+    /// Now, before and by how much it changed.
+    pub(super) fn with_before(title: &str, unit: &str) -> [Column; 3] {
+        [Column::new(title, unit), Column::new("before", unit), Column::new("change", "")]
+    }
+}
+
 impl Cell {
-    pub fn text(text: &str) -> Cell {
+    pub(super) fn text(text: &str) -> Cell {
         if text.is_empty() { Cell::Nothing } else { Cell::Text(text.to_string()) }
     }
 
-    pub fn maybe(value: Option<f64>) -> Cell {
+    pub(super) fn maybe(value: Option<f64>) -> Cell {
         value.map_or(Cell::Nothing, Cell::Number)
     }
 
-    fn is_text(&self) -> bool {
-        matches!(self, Cell::Text(_))
+    pub(super) fn with_before(now: Option<f64>, before: Option<f64>) -> [Cell; 3] {
+        let change = now.zip(before).map(|(now, before)| Cell::Change { now, before });
+        [Cell::maybe(now), Cell::maybe(before), change.unwrap_or(Cell::Nothing)]
     }
 
     fn words(&self) -> String {
@@ -60,55 +67,42 @@ impl Cell {
 }
 
 impl Table {
-    pub fn html(&self) -> String {
+    pub(super) fn html(&self) -> Markup {
+        let cells = |column: usize| self.rows.iter().filter_map(move |row| row.get(column));
         // Numbers stand to the right, so that their digits do under each other.
-        let class = |column: usize| {
-            let mut cells = self.rows.iter().filter_map(|row| row.get(column));
-            let numbers = cells.clone().any(|cell| !matches!(cell, Cell::Text(_) | Cell::Nothing));
-            if numbers && !cells.any(Cell::is_text) { " class=\"number\"" } else { "" }
+        let number = |column: usize| {
+            let mut filled = cells(column).filter(|cell| **cell != Cell::Nothing).peekable();
+            let any = filled.peek().is_some();
+            (any && filled.all(|cell| !matches!(cell, Cell::Text(_)))).then_some("number")
         };
-        let classes: Vec<&str> = (0..self.columns.len()).map(class).collect();
-        let head = self.columns.iter().zip(&classes).map(|(column, class)| {
-            let unit = match column.unit.is_empty() {
-                true => String::new(),
-                false => format!(" <span class=\"unit\">{}</span>", escaped(&column.unit)),
-            };
-            format!("<th scope=\"col\"{class}>{}{unit}</th>", escaped(&column.title))
-        });
-        let row = |row: &Vec<Cell>| {
-            let cells = classes.iter().enumerate().map(|(column, class)| {
-                let words = row.get(column).map(Cell::words).unwrap_or_default();
-                match column {
-                    0 => format!("<th scope=\"row\"{class}>{}</th>", escaped(&words)),
-                    _ => format!("<td{class}>{}</td>", escaped(&words)),
+        let classes: Vec<_> = (0..self.columns.len()).map(number).collect();
+        html! {
+            div.wide tabindex="0" role="region" aria-label=(if self.caption.is_empty() { "Table" } else { &self.caption }) {
+                table {
+                    @if !self.caption.is_empty() { caption { (self.caption) } }
+                    thead { tr { @for (column, class) in self.columns.iter().zip(&classes) {
+                        th scope="col" class=[class] {
+                            (column.title)
+                            @if !column.unit.is_empty() { " " span.unit { (column.unit) } }
+                        }
+                    } } }
+                    tbody { @for row in &self.rows { tr { @for (at, (cell, class)) in row.iter().zip(&classes).enumerate() {
+                        @if at == 0 { th scope="row" class=[class] { (cell.words()) } }
+                        @else { td class=[class] { (cell.words()) } }
+                    } } "\n" } }
                 }
-            });
-            format!("<tr>{}</tr>\n", cells.collect::<String>())
-        };
-        let caption = match self.caption.is_empty() {
-            true => String::new(),
-            false => format!("<caption>{}</caption>\n", escaped(&self.caption)),
-        };
-        format!(
-            "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{}\"><table>\n{caption}<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody></table></div>\n",
-            escaped(if self.caption.is_empty() { "Table" } else { &self.caption }),
-            head.collect::<String>(),
-            self.rows.iter().map(row).collect::<String>(),
-        )
+            }
+            "\n"
+        }
     }
 
     /// Without the columns in which nothing stands.
     pub(super) fn without_empty_columns(mut self) -> Table {
-        let filled = |column: usize| {
-            self.rows.iter().any(|row| row.get(column).is_some_and(|cell| *cell != Cell::Nothing))
-        };
-        let keep: Vec<bool> = (0..self.columns.len()).map(filled).collect();
-        let kept = |at: usize| keep.get(at).copied().unwrap_or(false);
-        let mut at = 0..;
-        self.columns.retain(|_| at.next().is_some_and(kept));
-        for row in &mut self.rows {
-            let mut at = 0..;
-            row.retain(|_| at.next().is_some_and(kept));
+        let filled =
+            |at: usize| self.rows.iter().any(|row| row.get(at).is_some_and(|cell| *cell != Cell::Nothing));
+        for column in (0..self.columns.len()).rev().filter(|at| !filled(*at)).collect::<Vec<_>>() {
+            self.columns.remove(column);
+            self.rows.iter_mut().for_each(|row| drop(row.remove(column)));
         }
         self
     }

@@ -1,8 +1,8 @@
 //! Charts and their page: valid markup whatever the figures are, and laid out in a
 //! real browser so that everything can be read.
 
-use chart::{Axis, Bar, Bars, Before, Better, Chart, Figure, Group, Item, Lines, Mark, Page, Panel, Pattern};
-use chart::{Patterns, Quantity, Reference, Scatter, Section, Series};
+use chart::{Axis, Bar, Bars, Before, Better, Chart, Figure, Group, Item, Mark, Page, Panel, Pattern};
+use chart::{Patterns, Plot, Quantity, Reference, Section, Series, Style};
 use lodestone::lab::chart;
 use proptest::prelude::*;
 
@@ -96,8 +96,8 @@ fn mark() -> impl Strategy<Value = Mark> {
 }
 
 fn series() -> impl Strategy<Value = Vec<Series>> {
-    let one = (name(), prop::collection::vec(mark(), 0..5), prop::option::of(0_usize..20));
-    prop::collection::vec(one.prop_map(|(name, marks, look)| Series { name, marks, look }), 0..5)
+    let one = (name(), prop::collection::vec(mark(), 0..5));
+    prop::collection::vec(one.prop_map(|(name, marks)| Series { name, marks }), 0..5)
 }
 
 fn axis() -> impl Strategy<Value = Axis> {
@@ -109,17 +109,14 @@ fn axis() -> impl Strategy<Value = Axis> {
 }
 
 fn chart() -> impl Strategy<Value = Chart> {
-    let scatter =
-        (name(), axis(), axis(), series(), any::<bool>()).prop_map(|(title, x, y, series, front)| {
-            let size = front.then(|| Quantity { title: title.clone(), unit: String::new() });
-            Chart::from(Scatter { title, x, y, size, series, front })
-        });
+    let style = prop_oneof![3 => Just(Style::Front), 1 => Just(Style::Lines), 1 => Just(Style::Curves)];
     let panels =
         prop::collection::vec((name(), series()).prop_map(|(name, series)| Panel { name, series }), 0..5);
-    let lines = (name(), axis(), axis(), panels, any::<bool>(), value()).prop_map(
-        |(title, x, y, panels, bare, level)| {
+    let plot = (name(), axis(), axis(), panels, style, any::<bool>(), value()).prop_map(
+        |(title, x, y, panels, style, sized, level)| {
+            let size = sized.then(|| Quantity { title: title.clone(), unit: String::new() });
             let references = vec![Reference { y: level, name: title.clone() }];
-            Chart::from(Lines { title, x, y, panels, references, bare })
+            Chart::from(Plot { title, x, y, panels, style, size, references })
         },
     );
     let bar = (name(), value(), prop::option::of([value(), value()]), prop::option::of(value()));
@@ -128,11 +125,11 @@ fn chart() -> impl Strategy<Value = Chart> {
     let bars = (name(), axis(), prop::collection::vec(group, 0..3));
     let bars = bars.prop_map(|(title, axis, groups)| Chart::from(Bars { title, axis, groups }));
     let dots = || prop::collection::vec([0.0..1.1, 0.0..1.1], 0..9);
-    let pattern = (name(), name(), dots(), dots());
-    let pattern = pattern.prop_map(|(name, note, dots, marked)| Pattern { name, note, dots, marked });
+    let pattern = (name(), name(), dots());
+    let pattern = pattern.prop_map(|(name, note, dots)| Pattern { name, note, dots });
     let patterns = (name(), prop::collection::vec(pattern, 0..6));
     let patterns = patterns.prop_map(|(title, patterns)| Chart::from(Patterns { title, patterns }));
-    prop_oneof![3 => scatter, 2 => lines, 1 => bars, 1 => patterns]
+    prop_oneof![5 => plot, 1 => bars, 1 => patterns]
 }
 
 proptest! {

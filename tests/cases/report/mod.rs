@@ -2,6 +2,7 @@
 
 mod browser;
 mod charts;
+mod contrast;
 mod markup;
 mod measured;
 mod sample;

@@ -2,8 +2,8 @@
 //! values without a place, names that are markup. The figures are made up.
 
 use lodestone::lab::chart::{
-    Axis, Bar, Bars, Before, Better, Cell, Column, Figure, Group, Item, Lines, Mark, Page, Panel, Pattern,
-    Patterns, Quantity, Reference, Scatter, Section, Series, Table,
+    Axis, Bar, Bars, Before, Better, Cell, Column, Figure, Group, Item, Mark, Page, Panel, Pattern, Patterns,
+    Plot, Quantity, Reference, Section, Series, Style, Table,
 };
 
 /// Numbers from 0 to 1 that look random and are the same everywhere.
@@ -31,7 +31,12 @@ const SAMPLERS: [Sampler; 8] = [
     ("streaming", 54.0, 0.069, 95.0, None),
 ];
 
-pub fn samplers() -> Scatter {
+/// The panel of a plot that has only one.
+fn alone(series: Vec<Series>) -> Vec<Panel> {
+    vec![Panel { name: String::new(), series }]
+}
+
+pub fn samplers() -> Plot {
     let series = SAMPLERS.map(|(name, x, y, size, before)| {
         let mark = Mark {
             size: Some(size),
@@ -41,18 +46,18 @@ pub fn samplers() -> Scatter {
         };
         Series::new(name, vec![mark])
     });
-    Scatter {
+    Plot {
         title: "Samplers: time against unevenness".into(),
         x: Axis::log("time a point", "ns"),
         y: Axis::log("power at low frequencies", "white noise = 1"),
         size: Some(Quantity { title: "memory".into(), unit: "MB".into() }),
-        series: series.into(),
-        front: true,
+        panels: alone(series.into()),
+        ..Plot::default()
     }
 }
 
 /// Several marks a method, one of which has no place on its axis.
-pub fn renderers() -> Scatter {
+pub fn renderers() -> Plot {
     let budgets = [("100 k", 1.0), ("300 k", 2.6), ("1 M", 7.9), ("3 M", 22.0)];
     let series = |name: &str, pace: f64, error: f64| {
         let mark = |(label, cost): (&str, f64)| Mark {
@@ -64,31 +69,29 @@ pub fn renderers() -> Scatter {
     };
     let mut lost = series("PotreeConverter", 5.0, 0.4);
     lost.marks[1].y = f64::NAN;
-    Scatter {
+    Plot {
         title: "Renderers: time a frame against picture error".into(),
         x: Axis::log("time a frame", "ms"),
         y: Axis::linear("FLIP", ""),
-        series: vec![series("CPU", 4.0, 0.21), series("GPU", 0.4, 0.22), lost],
-        front: true,
-        ..Scatter::default()
+        panels: alone(vec![series("CPU", 4.0, 0.21), series("GPU", 0.4, 0.22), lost]),
+        ..Plot::default()
     }
 }
 
 /// More marks in one place than there is room for labels.
-pub fn crowd() -> Scatter {
+pub fn crowd() -> Plot {
     let mut noise = noise(7);
     let mut next = || noise.next().unwrap_or(0.5);
     let marks = (0..40).map(|at| {
         let name = format!("method number {at}");
         Series::new(&name, vec![Mark::at(1.0 + 0.04 * next(), 10.0 + next())])
     });
-    Scatter {
+    Plot {
         title: "A crowd".into(),
         x: Axis::linear("points a second", "M").better(Better::Higher),
         y: Axis::linear("score", "").better(Better::Higher),
-        series: marks.collect(),
-        front: true,
-        ..Scatter::default()
+        panels: alone(marks.collect()),
+        ..Plot::default()
     }
 }
 
@@ -110,27 +113,28 @@ fn methods(scale: f64, earlier: bool) -> Vec<Series> {
     ]
 }
 
-pub fn error_over_time(earlier: bool) -> Lines {
-    Lines {
+pub fn error_over_time(earlier: bool) -> Plot {
+    Plot {
         title: "Picture error over time".into(),
         x: Axis::log("time", "ms"),
         y: Axis::log("FLIP", ""),
         panels: vec![Panel { name: String::new(), series: methods(1.0, earlier) }],
         references: vec![Reference { y: 0.02, name: "nobody sees it".into() }],
-        bare: false,
+        style: Style::Lines,
+        ..Plot::default()
     }
 }
 
-pub fn scenes() -> Lines {
+pub fn scenes() -> Plot {
     let names = ["terrain", "town", "interior", "object", "volume"];
     let panel = |(at, name): (usize, &str)| Panel {
         name: name.into(),
         series: methods(1.0 + at as f64 * 0.6, at == 2),
     };
-    Lines { panels: names.into_iter().enumerate().map(panel).collect(), ..error_over_time(false) }
+    Plot { panels: names.into_iter().enumerate().map(panel).collect(), ..error_over_time(false) }
 }
 
-pub fn spectra() -> Lines {
+pub fn spectra() -> Plot {
     let spectrum = |rise: f64, peak: f64, seed: u64| -> Vec<[f64; 2]> {
         let points = noise(seed).take(120).enumerate().map(|(k, noise)| {
             let f = (k + 1) as f64 / 40.0;
@@ -140,9 +144,19 @@ pub fn spectra() -> Lines {
         points.collect()
     };
     let patterns = [("inside-out", 25.0, 1.1, 1), ("hash", 12.0, 0.5, 2), ("random", 0.1, 0.4, 3)];
-    let spectra = patterns.map(|(name, rise, peak, seed)| (name.to_string(), spectrum(rise, peak, seed)));
-    let frequency = Axis::linear("frequency", "1 = principal");
-    Lines::spectra("Power spectra of samples on a plane", frequency, spectra.into())
+    let panel = |(name, rise, peak, seed): (&str, f64, f64, u64)| Panel {
+        name: name.into(),
+        series: vec![Series::line("", spectrum(rise, peak, seed))],
+    };
+    Plot {
+        title: "Power spectra of samples on a plane".into(),
+        x: Axis::linear("frequency", "1 = principal").better(Better::Neither),
+        y: Axis::linear("power", "").better(Better::Neither),
+        panels: patterns.map(panel).into(),
+        style: Style::Curves,
+        references: vec![Reference { y: 1.0, name: "white noise".into() }],
+        ..Plot::default()
+    }
 }
 
 pub fn stages(axis: Axis) -> Bars {
@@ -174,15 +188,11 @@ pub fn patterns() -> Patterns {
             }
         }
         let note = format!("{} dots", dots.len());
-        Pattern { name: name.into(), note, dots, marked: Vec::new() }
+        Pattern { name: name.into(), note, dots }
     };
     let lattice = (0..900).map(|k| [((k % 30) as f64 + 0.5) / 30.0, ((k / 30) as f64 + 0.5) / 30.0]);
-    let lattice = Pattern {
-        name: "lattice".into(),
-        note: "spikes along the axes".into(),
-        dots: lattice.collect(),
-        marked: vec![[0.5, 0.5], [0.55, 0.5]],
-    };
+    let lattice =
+        Pattern { name: "lattice".into(), note: "spikes along the axes".into(), dots: lattice.collect() };
     Patterns {
         title: "What samples look like".into(),
         patterns: vec![pattern("Poisson disk", 0.027, 3), pattern("white noise", 0.0, 4), lattice],
@@ -191,25 +201,21 @@ pub fn patterns() -> Patterns {
 
 /// Charts with as good as nothing in them.
 pub fn edges() -> Vec<Item> {
-    let one = |x: f64, y: f64| Scatter {
+    let one = |x: f64, y: f64| Plot {
         title: "One mark".into(),
-        series: vec![Series::new("alone", vec![Mark::at(x, y)])],
+        panels: alone(vec![Series::new("alone", vec![Mark::at(x, y)])]),
         ..samplers()
     };
-    let none = Scatter { series: vec![series("nowhere", -1.0, f64::INFINITY, false)], ..samplers() };
-    let huge = Scatter {
-        title: "From tiny to huge".into(),
-        series: (-9..=9)
-            .map(|k| Series::line(&format!("{k}"), [[10f64.powi(k * 3), 10f64.powi(-k)]]))
-            .collect(),
-        ..samplers()
-    };
-    let figure = |chart: Scatter, says: &str| Item::Figure(Figure::new(chart, says, ""));
+    let none = Plot { panels: alone(vec![series("nowhere", -1.0, f64::INFINITY, false)]), ..samplers() };
+    let line = |k: i32| Series::line(&format!("{k}"), [[10f64.powi(k * 3), 10f64.powi(-k)]]);
+    let huge =
+        Plot { title: "From tiny to huge".into(), panels: alone((-9..=9).map(line).collect()), ..samplers() };
+    let figure = |chart: Plot, says: &str| Item::Figure(Figure::new(chart, says, ""));
     vec![
         figure(one(3.0, 4.0), "One mark is its own front."),
         figure(none, "What has no place is named."),
         figure(huge, "Twenty decades."),
-        Item::Figure(Figure::new(Lines::default(), "No lines.", "")),
+        Item::Figure(Figure::new(Plot { style: Style::Lines, ..Plot::default() }, "No lines.", "")),
         Item::Figure(Figure::new(Bars::default(), "No bars.", "")),
         Item::Figure(Figure::new(Patterns::default(), "No patterns.", "")),
     ]
@@ -250,16 +256,16 @@ pub fn strange(seed: u64) -> Page {
             .collect();
         let title = format!("Strange chart {at} of {seed}");
         let size = Some(Quantity { title: "memory".into(), unit: "MB".into() });
-        let chart: lodestone::lab::chart::Chart = match at % 2 {
-            0 => Scatter { title, x, y, size, series, front: true }.into(),
-            _ => {
-                let panels = 1 + at % 5;
-                let panel = |k: usize| Panel { name: format!("scene {k}"), series: series.clone() };
-                let references = vec![Reference { y: 0.5, name: "half".into() }];
-                Lines { title, x, y, panels: (0..panels).map(panel).collect(), references, bare: at % 4 == 3 }
-                    .into()
+        let panel = |k: usize| Panel { name: format!("scene {k}"), series: series.clone() };
+        let (panels, style, references) = match at % 4 {
+            0 | 2 => (alone(series), Style::Front, Vec::new()),
+            rest => {
+                let style = if rest == 3 { Style::Curves } else { Style::Lines };
+                let level = Reference { y: 0.5, name: "half".into() };
+                ((0..1 + at % 5).map(panel).collect(), style, vec![level])
             }
         };
+        let chart = Plot { title, x, y, panels, style, size, references };
         items.push(Item::Figure(Figure::new(chart, "", "")));
     }
     Page { sections: vec![Section { heading: "Strange".into(), items }], ..Page::default() }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::slice;
 
-use crate::lab::chart::{Axis, Before, Figure, Item, Lines, Mark, Panel, Section, Series};
+use crate::lab::chart::{Axis, Before, Figure, Item, Mark, Panel, Plot, Section, Series, Style};
 use crate::lab::compare::pictures::{BEST, PLAINEST};
 use crate::lab::compare::report::{FrameReport, Report, SceneReport, mean};
 use crate::verify::grouped;
@@ -42,12 +42,13 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         Panel { name: scene.name.clone(), series: series.collect() }
     };
     let figure = |flip: bool, title: &str, y: Axis, says: &str| {
-        let chart = Lines {
+        let chart = Plot {
             title: title.into(),
             x: Axis::log("time to draw", "ms"),
             y,
             panels: report.scenes.iter().map(|scene| panel(scene, flip)).collect(),
-            ..Lines::default()
+            style: Style::Lines,
+            ..Plot::default()
         };
         let caption = "A mark a budget, from 25 000 to 1.5 million points of the default's octree; means of \
                        four views of 512 × 512 pixels, beside the picture of all points at the highest setting.";

@@ -1,7 +1,7 @@
 //! What each method costs, and how true its coarse levels are.
 
 use crate::lab::chart::{
-    Axis, Before, Cell, Column, Figure, Item, Mark, Quantity, Scatter, Section, Series, Table,
+    Axis, Before, Cell, Column, Figure, Item, Mark, Panel, Plot, Quantity, Section, Series, Table,
 };
 use crate::lab::compare::report::{MethodReport, Report, SceneReport};
 use crate::verify::grouped;
@@ -36,7 +36,7 @@ fn budget(report: &Report) -> u64 {
     report.budgets.get(report.budgets.len() / 2).copied().unwrap_or(0)
 }
 
-pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Scatter {
+pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Plot {
     let budget = budget(report);
     let mark = |method: &MethodReport| Mark {
         x: method.cpu_a_million(scene.points),
@@ -54,13 +54,14 @@ pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&Scen
         note: format!("{:.2} s for {} points", method.wall.median, grouped(scene.points)),
         ..Mark::default()
     };
-    Scatter {
+    let series = scene.methods.iter().map(|method| Series::new(&method.method, vec![mark(method)])).collect();
+    Plot {
         title: format!("Speed against accuracy of {}", scene.name),
         x: Axis::log("processor time a million points", "s"),
         y: Axis::linear(&format!("error of pictures of {} points", grouped(budget)), "of 255"),
         size: Some(Quantity { title: "memory".into(), unit: "MB".into() }),
-        series: scene.methods.iter().map(|method| Series::new(&method.method, vec![mark(method)])).collect(),
-        front: true,
+        panels: vec![Panel { name: String::new(), series }],
+        ..Plot::default()
     }
 }
 

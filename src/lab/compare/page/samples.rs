@@ -1,7 +1,8 @@
 //! How even samples are, and what samplers cost by themselves.
 
 use crate::lab::chart::{
-    Axis, Bar, Bars, Cell, Column, Figure, Group, Item, Lines, Pattern, Patterns, Section, Table,
+    Axis, Bar, Bars, Better, Cell, Column, Figure, Group, Item, Panel, Pattern, Patterns, Plot, Reference,
+    Section, Series, Style, Table,
 };
 use crate::lab::compare::report::{MethodReport, PatternReport, Report, SceneReport};
 use crate::lab::sampling::evenness::Evenness;
@@ -13,7 +14,6 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         name: pattern.method.clone(),
         note: percent(pattern.even.inside_share() + pattern.even.across_share()),
         dots: pattern.dots.iter().map(|at| at.map(|c| f64::from(c) / 1000.0)).collect(),
-        ..Pattern::default()
     };
     items.push(Item::Figure(Figure::new(
         Patterns {
@@ -26,14 +26,19 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
     let spectra = report.patterns.iter().map(|pattern| {
         let rings = pattern.spectrum.rings.iter().enumerate().skip(4);
         let wave = |ring: usize| ring as f64 / f64::from(pattern.spectrum.spacings);
-        (pattern.method.clone(), rings.map(|(ring, power)| [wave(ring), *power]).collect())
+        let line = Series::line("", rings.map(|(ring, power)| [wave(ring), *power]));
+        Panel { name: pattern.method.clone(), series: vec![line] }
     });
     items.push(Item::Figure(Figure::new(
-        Lines::spectra(
-            "Radial power spectra",
-            Axis::linear("frequency", "waves a spacing"),
-            spectra.collect(),
-        ),
+        Plot {
+            title: "Radial power spectra".into(),
+            x: Axis::linear("frequency", "waves a spacing").better(Better::Neither),
+            y: Axis::linear("power", "").better(Better::Neither),
+            panels: spectra.collect(),
+            style: Style::Curves,
+            references: vec![Reference { y: 1.0, name: "white noise".into() }],
+            ..Plot::default()
+        },
         "Blue noise has little power on the left, one soft peak near a wave a spacing, and no spikes.",
         "Power by frequency of the patterns, mean of several patterns; 1 is white noise.",
     )));
