@@ -28,6 +28,7 @@ mod passed_on;
 mod points;
 mod pointwise;
 mod reader;
+mod recount;
 mod recover;
 mod sequential;
 mod source;

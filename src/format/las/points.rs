@@ -27,6 +27,8 @@ pub struct Points {
     pub missing: u64,
     pub record_length: usize,
     pub complete: bool,
+    /// Points that the last chunk may have, where only its bytes say how many it does.
+    pub most_in_last: Option<u64>,
 }
 
 /// The variable length records that mean something, the extended ones last.
@@ -93,7 +95,8 @@ pub fn plain(
     }
     let (count, missing) = settle(source, verdict, &reason, look.rest > 0, reading, notes)?;
     let complete = matches!(verdict, Verdict::Counted(_));
-    Ok(Points { body: Body::Plain { at }, count, missing, record_length: length as usize, complete })
+    let (body, record_length) = (Body::Plain { at }, length as usize);
+    Ok(Points { body, count, missing, record_length, complete, most_in_last: None })
 }
 
 /// What a verdict means for who opens a file: the points that are read and those that
@@ -170,11 +173,15 @@ pub fn compressed(
     let Located { layout, verdict, complete, reason } = located;
     let (count, missing) = settle(source, verdict, &reason, true, reading, notes)?;
     let record_length = coding.record_length;
+    let most_in_last = match locator.chunking {
+        Chunking::Fixed(each) if !coding.layered => Some(u64::from(each)),
+        _ => None,
+    };
     let body = match layout {
         Layout::Chunks(chunks) => Body::Chunks { coding, chunks },
         layout => Body::Stream(Box::new(Turnstile::new(source.clone(), coding, layout))),
     };
-    Ok(Points { body, count, missing, record_length, complete })
+    Ok(Points { body, count, missing, record_length, complete, most_in_last })
 }
 
 /// How a LASzip record says that chunks are cut. The compressor is the first

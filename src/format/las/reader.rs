@@ -32,8 +32,10 @@ pub struct LasFile {
     /// Where its chunks lie, if that is not where their table says.
     pub(super) mended: OnceLock<Option<Vec<Chunk>>>,
     complete: bool,
+    /// Points that the last chunk may have, where only its bytes say how many it does.
+    pub(super) most_in_last: Option<u64>,
     /// Decoded bytes of a slice at most.
-    most_slice: u64,
+    pub(super) most_slice: u64,
     /// Where points are stored as those of another format.
     compatible: Option<Compatible>,
     /// Where GPS times are to count from elsewhere.
@@ -109,6 +111,7 @@ impl LasFile {
             body: points.body,
             mended,
             complete: points.complete,
+            most_in_last: points.most_in_last,
             most_slice: MOST_SLICE,
             compatible,
             time_shift: None,
@@ -197,7 +200,7 @@ impl LasFile {
             // is not damaged: read again, it may be fine. One that is gone still
             // has its bytes.
             LasError::Cut { .. } | LasError::Damaged { .. } if self.path().exists() => {
-                self.check_unchanged().err().unwrap_or(error)
+                self.check_unchanged().err().unwrap_or_else(|| self.recounted(slice, error))
             }
             error => error,
         })

@@ -54,7 +54,8 @@ impl LasFile {
         match &self.body {
             Body::Plain { .. } => Ok(Checked::Whole),
             Body::Chunks { coding, chunks } => match self.lost(coding, chunks, &go_on)? {
-                Some(lost) => {
+                Some(mut lost) => {
+                    self.keep_recounted(&mut lost);
                     self.drop_chunks(&lost);
                     Ok(Checked::Whole)
                 }
@@ -96,6 +97,24 @@ impl LasFile {
             .collect();
         let lost = lost?;
         Ok((!stopped.into_inner()).then(|| lost.into_iter().flatten().collect()))
+    }
+
+    /// The last chunk is not lost where only the header's count does not fit it.
+    fn keep_recounted(&mut self, lost: &mut Vec<Lost>) {
+        let Some(last) = lost.last().map(|lost| lost.chunk) else { return };
+        let Some((chunk, points)) = self.last_recounted().filter(|(chunk, _)| *chunk == last) else { return };
+        let Body::Chunks { chunks, .. } = &mut self.body else { return };
+        chunks.last_mut().into_iter().for_each(|chunk| chunk.points = points);
+        lost.pop();
+        let (said, there) = (self.header.points, chunk.first + points);
+        self.header.points = there;
+        self.header.missing += said.saturating_sub(there);
+        self.header.notes.push(match there < said {
+            true => format!("{there} of its {said} points are there: its last LAZ chunk holds {points}"),
+            false => {
+                format!("its header says {said} points, its chunks hold {there}; all of them are read")
+            }
+        });
     }
 
     fn drop_chunks(&mut self, lost: &[Lost]) {
