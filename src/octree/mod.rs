@@ -23,4 +23,5 @@ pub mod outliers;
 pub mod record;
 pub mod record_converter;
 pub mod sampling;
+pub mod standard_fields;
 pub mod statistics;

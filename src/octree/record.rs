@@ -2,11 +2,12 @@
 //!
 //! Raw records stay raw, through scratch files too, until a point is written
 //! into its node: then, once, its fields are moved to where the octree's schema
-//! has them. Layouts of the point formats 0 to 10: LAS 1.4 R15, tables 7 to 17.
+//! has them.
 
 use super::attribute::{Attribute, ExtraField, RGB, Scalar, Schema};
 use super::attribute_names::{merge, viewing_order};
 use super::record_converter::Mover;
+use super::standard_fields::{FieldLocation, fields};
 
 /// One file's raw records.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,144 +19,9 @@ pub struct Source {
     pub extra: Vec<ExtraField>,
 }
 
-/// A field of a raw record: whole bytes, or some bits of one byte.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    Bytes {
-        at: usize,
-        len: usize,
-    },
-    /// `byte >> shift & mask`.
-    Bits {
-        at: usize,
-        shift: u8,
-        mask: u8,
-    },
-}
-
-/// A standard field, where it lies, and whether viewers expect the attribute
-/// even where it is zero throughout.
-struct Field {
-    name: &'static str,
-    scalar: Scalar,
-    elements: usize,
-    place: Place,
-    always: bool,
-}
-
-const fn field(name: &'static str, scalar: Scalar, elements: usize, at: usize) -> Field {
-    let place = Place::Bytes { at, len: scalar.size() * elements };
-    Field { name, scalar, elements, place, always: true }
-}
-
-const fn bits(name: &'static str, at: usize, shift: u8, mask: u8, always: bool) -> Field {
-    Field { name, scalar: Scalar::U8, elements: 1, place: Place::Bits { at, shift, mask }, always }
-}
-
-const fn optional(field: Field) -> Field {
-    Field { always: false, ..field }
-}
-
-/// The standard fields of a point format behind the position, in the order in
-/// which viewers list them (FORMATS.md); what they have no name for comes last.
-/// A second colour, where one is named, begins as the first.
-fn fields(format: u8, second_color: Option<&'static str>) -> Vec<Field> {
-    let mut fields = vec![field("intensity", Scalar::U16, 1, 12)];
-    if format < 6 {
-        fields.extend([
-            bits("return number", 14, 0, 7, true),
-            bits("number of returns", 14, 3, 7, true),
-            bits("classification flags", 15, 5, 7, false),
-            bits("classification", 15, 0, 31, true),
-            field("scan angle rank", Scalar::U8, 1, 16),
-            field("user data", Scalar::U8, 1, 17),
-            field("point source id", Scalar::U16, 1, 18),
-        ]);
-    } else {
-        fields.extend([
-            bits("return number", 14, 0, 15, true),
-            bits("number of returns", 14, 4, 15, true),
-            bits("classification flags", 15, 0, 15, true),
-            field("classification", Scalar::U8, 1, 16),
-            field("scan angle", Scalar::I16, 1, 18),
-            field("user data", Scalar::U8, 1, 17),
-            field("point source id", Scalar::U16, 1, 20),
-        ]);
-    }
-    match format {
-        1 | 4 => fields.push(field("gps-time", Scalar::F64, 1, 20)),
-        3 | 5 => fields.push(field("gps-time", Scalar::F64, 1, 20)),
-        6..=10 => fields.push(field("gps-time", Scalar::F64, 1, 22)),
-        _ => {}
-    }
-    if let Some(at) = color_at(format) {
-        fields.extend([RGB].into_iter().chain(second_color).map(|name| field(name, Scalar::U16, 3, at)));
-    }
-    if matches!(format, 8 | 10) {
-        fields.push(optional(field("nir", Scalar::U16, 1, 36)));
-    }
-    if format < 6 {
-        fields.extend([
-            bits("scan direction flag", 14, 6, 1, false),
-            bits("edge of flight line", 14, 7, 1, false),
-        ]);
-    } else {
-        fields.extend([
-            bits("scanner channel", 15, 4, 3, false),
-            bits("scan direction flag", 15, 6, 1, false),
-            bits("edge of flight line", 15, 7, 1, false),
-        ]);
-    }
-    if let Some(at) = waveform_at(format) {
-        fields.extend(
-            [
-                field("wave packet descriptor index", Scalar::U8, 1, at),
-                field("byte offset to waveform data", Scalar::U64, 1, at + 1),
-                field("waveform packet size", Scalar::U32, 1, at + 9),
-                field("return point waveform location", Scalar::F32, 1, at + 13),
-                field("x(t)", Scalar::F32, 1, at + 17),
-                field("y(t)", Scalar::F32, 1, at + 21),
-                field("z(t)", Scalar::F32, 1, at + 25),
-            ]
-            .map(optional),
-        );
-    }
-    fields
-}
-
-/// The standard attributes of a point format behind the position, with where each lies
-/// in a raw record.
-pub fn standard_attributes(format: u8) -> Vec<(Attribute, Place)> {
-    fields(format, None)
-        .into_iter()
-        .map(|f| (Attribute::new(f.name, f.scalar, f.elements), f.place))
-        .collect()
-}
-
-/// Where the colour stands in a record, for the formats that have one.
-fn color_at(format: u8) -> Option<usize> {
-    match format {
-        2 => Some(20),
-        3 | 5 => Some(28),
-        7 | 8 | 10 => Some(30),
-        _ => None,
-    }
-}
-
-/// Where the wave packet starts in a record, for the formats that have one.
-fn waveform_at(format: u8) -> Option<usize> {
-    match format {
-        4 => Some(28),
-        5 => Some(34),
-        9 => Some(30),
-        10 => Some(38),
-        _ => None,
-    }
-}
-
 impl Source {
     /// Every attribute the records hold, with where it lies.
-    fn attributes(&self, second_color: Option<&'static str>) -> Vec<(Attribute, Place, bool)> {
+    fn attributes(&self, second_color: Option<&'static str>) -> Vec<(Attribute, FieldLocation, bool)> {
         let standard = fields(self.format, second_color)
             .into_iter()
             .map(|f| (Attribute::new(f.name, f.scalar, f.elements), f.place, f.always));
@@ -168,7 +34,7 @@ impl Source {
             if !e.offset.is_empty() {
                 attribute.offset.clone_from(&e.offset);
             }
-            let place = Place::Bytes { at: e.position, len: attribute.size() };
+            let place = FieldLocation::Bytes { at: e.position, len: attribute.size() };
             (attribute, place, true)
         });
         standard.chain(extra).collect()
@@ -176,10 +42,10 @@ impl Source {
 
     /// Whether a field is anywhere but zero, by the bytes of all records ORed
     /// into one.
-    fn is_used(place: Place, ored: &[u8]) -> bool {
+    fn is_used(place: FieldLocation, ored: &[u8]) -> bool {
         match place {
-            Place::Bytes { at, len } => ored[at..at + len].iter().any(|b| *b != 0),
-            Place::Bits { at, shift, mask } => ored[at] >> shift & mask != 0,
+            FieldLocation::Bytes { at, len } => ored[at..at + len].iter().any(|b| *b != 0),
+            FieldLocation::Bits { at, shift, mask } => ored[at] >> shift & mask != 0,
         }
     }
 }
@@ -220,7 +86,7 @@ impl Unified {
         second_color: Option<&'static str>,
     ) -> Unified {
         let mut merged: Vec<(Attribute, bool)> = Vec::new();
-        let mut places: Vec<Vec<(usize, Place)>> = Vec::new();
+        let mut places: Vec<Vec<(usize, FieldLocation)>> = Vec::new();
         let mut extra = Vec::new();
         for (source, ored) in sources {
             let mut of_source = Vec::new();
@@ -373,11 +239,11 @@ mod tests {
             covered[..12].fill(0xff);
             for (_, place, _) in s.attributes(None) {
                 match place {
-                    Place::Bytes { at, len } => covered[at..at + len].iter_mut().for_each(|b| {
+                    FieldLocation::Bytes { at, len } => covered[at..at + len].iter_mut().for_each(|b| {
                         assert_eq!(*b, 0, "format {format}: overlap");
                         *b = 0xff;
                     }),
-                    Place::Bits { at, shift, mask } => {
+                    FieldLocation::Bits { at, shift, mask } => {
                         assert_eq!(covered[at] & (mask << shift), 0, "format {format}: overlap");
                         covered[at] |= mask << shift;
                     }

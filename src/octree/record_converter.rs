@@ -2,7 +2,7 @@
 //! records at once, field by field, so that each move is a short loop of fixed
 //! width and not a list that is gone through for every record.
 
-use super::record::Place;
+use super::standard_fields::FieldLocation;
 
 /// The moves that turn one source's raw records into octree records.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -20,18 +20,18 @@ pub struct Mover {
 impl Mover {
     /// From a source's places, with the attribute of each, to the attributes'
     /// offsets in records of `size` bytes.
-    pub(super) fn new(places: &[(usize, Place)], offsets: &[Option<usize>], size: usize) -> Mover {
+    pub(super) fn new(places: &[(usize, FieldLocation)], offsets: &[Option<usize>], size: usize) -> Mover {
         let mut mover = Mover { size, ..Mover::default() };
         let mut filled = vec![false; size];
         filled[..POSITION].fill(true);
         for (index, place) in places {
             let Some(to) = offsets[*index] else { continue };
             let len = match *place {
-                Place::Bytes { at, len } => {
+                FieldLocation::Bytes { at, len } => {
                     mover.copies.push((at, to, len));
                     len
                 }
-                Place::Bits { at, shift, mask } => {
+                FieldLocation::Bits { at, shift, mask } => {
                     mover.bits.push((at, shift, mask, to));
                     1
                 }
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn neighbours_on_both_sides_move_as_one() {
-        let bytes = |at, len| Place::Bytes { at, len };
+        let bytes = |at, len| FieldLocation::Bytes { at, len };
         let places = [(0, bytes(12, 2)), (1, bytes(16, 2)), (2, bytes(18, 8)), (3, bytes(30, 1))];
         let mover = Mover::new(&places, &[Some(12), Some(17), Some(19), None], 27);
         assert_eq!(mover.copies, vec![(12, 12, 2), (16, 17, 10)]);
@@ -121,11 +121,11 @@ mod tests {
                 to += usize::from(*gap);
                 offsets.push(Some(to));
                 if *is_bits {
-                    places.push((index, Place::Bits { at, shift: 3, mask: 7 }));
+                    places.push((index, FieldLocation::Bits { at, shift: 3, mask: 7 }));
                     expected.push((at, to, 1, true));
                     to += 1;
                 } else {
-                    places.push((index, Place::Bytes { at, len: *width }));
+                    places.push((index, FieldLocation::Bytes { at, len: *width }));
                     expected.push((at, to, *width, false));
                     to += width;
                 }

@@ -11,7 +11,7 @@ use super::moves::Moves;
 use crate::format::las::record_length;
 use crate::octree::attribute::{Attribute, ExtraField, RGB, RGB_AVERAGE, RGB_ORIGINAL, Scalar, Schema};
 use crate::octree::attribute_names::original_name;
-use crate::octree::record::{Place, standard_attributes};
+use crate::octree::standard_fields::{FieldLocation, standard_attributes};
 
 /// The LAS field of scan angles as whole degrees (formats 0 to 5), and as 0.006 degrees.
 pub const RANK: &str = "scan angle rank";
@@ -95,8 +95,8 @@ impl Layout {
                 angle = Some(from);
             }
             match place_of(attribute) {
-                Some(Place::Bytes { at, len }) => moves.copy(from, at, len),
-                Some(Place::Bits { at, shift, mask }) => moves.bits(from, at, shift, mask),
+                Some(FieldLocation::Bytes { at, len }) => moves.copy(from, at, len),
+                Some(FieldLocation::Bits { at, shift, mask }) => moves.bits(from, at, shift, mask),
                 None if format >= 6 && is(attribute, RANK, Scalar::U8, 1) => rank = Some((index, from)),
                 None => extra.push((index, from)),
             }

@@ -5,13 +5,14 @@
 
 pub mod epsg;
 mod geographic;
+mod horizontal;
 mod methods;
 mod proj4;
 pub mod wkt;
 
 pub use geographic::ToDegrees;
+use horizontal::{horizontal, is_ellipsoidal};
 pub use methods::geotiff_method;
-use wkt::Node;
 
 /// The horizontal part of a coordinate reference system as a proj4 string, with
 /// datum shift and units; nothing where it is not known well enough. `text` is
@@ -65,27 +66,6 @@ pub fn in_other_units(text: &str, name: &str, meters: f64) -> Option<String> {
 fn code(text: &str) -> Option<u16> {
     let (authority, code) = text.split_once(':')?;
     authority.eq_ignore_ascii_case("epsg").then(|| code.trim().parse().ok())?
-}
-
-/// The part of a system that says where on Earth, not how high.
-fn horizontal(root: &Node) -> Option<&Node> {
-    match root.keyword.as_str() {
-        "COMPD_CS" | "COMPOUNDCRS" => root.children().find_map(horizontal),
-        "BOUNDCRS" => root.child(&["SOURCECRS"])?.children().find_map(horizontal),
-        _ if root.is(wkt::PROJECTED) || root.is(wkt::GEODETIC) || root.is(&["GEOCCS"]) => Some(root),
-        _ => None,
-    }
-}
-
-/// Degrees, rather than a projection or meters from the Earth's center.
-fn is_ellipsoidal(node: &Node) -> bool {
-    node.is(wkt::GEODETIC) && !is_geocentric(node)
-}
-
-fn is_geocentric(node: &Node) -> bool {
-    let is_cartesian =
-        |cs: &Node| cs.words().next().is_some_and(|word| word.eq_ignore_ascii_case("Cartesian"));
-    node.is(&["GEOCCS"]) || node.is(wkt::GEODETIC) && node.child(&["CS"]).is_some_and(is_cartesian)
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 
 use std::fmt::Write;
 
+use super::epsg;
+use super::horizontal::{horizontal, is_geocentric};
 use super::methods::{self, Kind, Method};
 use super::wkt::{self, Node, Value};
-use super::{epsg, horizontal, is_geocentric};
 
 /// Radians of a degree.
 const DEGREE: f64 = std::f64::consts::PI / 180.0;

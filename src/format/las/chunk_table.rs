@@ -109,3 +109,19 @@ fn integer_at(source: &Source, at: u64) -> Result<i64, LasError> {
     source.read_exact_at(&mut bytes, at)?;
     Ok(i64::from_le_bytes(bytes))
 }
+
+/// Bytes that are looked at to tell padding from points.
+const MOST_PADDING: u64 = 1 << 20;
+
+/// Whether points that end at `at` in a file of so many chunks end where they should:
+/// at `end`, or where the chunk table is said to be, or at one, or only padding follows.
+pub fn is_end(source: &Source, at: u64, end: u64, chunks: u64, table: Option<u64>) -> Result<bool, LasError> {
+    if at >= end || table == Some(at) || chunks > 0 && is_at(source, at, chunks)? {
+        return Ok(true);
+    }
+    let mut rest = vec![0; (end - at).min(MOST_PADDING) as usize];
+    source.read_exact_at(&mut rest, at)?;
+    // One that was cut within the first words of its table shows only those.
+    let is_torn_table = rest.len() < 8 && rest.iter().take(4).all(|byte| *byte == 0);
+    Ok(is_torn_table || rest.iter().all(|byte| *byte == rest[0]))
+}

@@ -205,7 +205,7 @@ impl Locator<'_> {
         let knows_end = listed.trouble.is_none();
         let is_end = match knows_end {
             true => end == listed.limit,
-            false => super::stream::is_end(self.source, end, listed.limit, chunks.len() as u64, None)?,
+            false => chunk_table::is_end(self.source, end, listed.limit, chunks.len() as u64, None)?,
         };
         let spare = listed.limit.saturating_sub(end);
         let reason = match &listed.trouble {

@@ -8,11 +8,7 @@ use super::record_length;
 use super::vlr::Vlr;
 use crate::octree::attribute::{ExtraField, Scalar};
 
-/// The record that marks such a file. It holds what a header of LAS 1.4, or 1.5,
-/// has more than that of the file.
-const USER: &str = "lascompatible";
-const ID: u16 = 22204;
-/// Two numbers of versions, four bytes unused, and the end of the header: of
+/// Bytes of the record that marks such a file: two numbers of versions, four bytes unused, and the end of the header: of
 /// LAS 1.4, and of LAS 1.5.
 const LENGTH: usize = 8 + 148;
 const LENGTH_OF_15: usize = LENGTH + 18;
@@ -45,7 +41,7 @@ pub struct Compatible {
 /// Recognizes a file in compatibility mode; then the header becomes that of the
 /// points that [`Compatible::restore`] gives.
 pub fn recognize(header: &mut Header, records: &[Vlr]) -> Option<Compatible> {
-    let record = records.iter().find(|record| record.is(USER, ID))?;
+    let record = records.iter().find(|record| record.is_mark_of_compatibility())?;
     if header.version >= (1, 4) || ![LENGTH, LENGTH_OF_15].contains(&record.data.len()) {
         return None;
     }
@@ -107,13 +103,10 @@ pub fn recognize(header: &mut Header, records: &[Vlr]) -> Option<Compatible> {
 
 /// The time offset of LAS 1.5, where the file is one in compatibility mode.
 pub fn time_offset(records: &[Vlr]) -> Option<u16> {
-    let record = records.iter().find(|record| record.is(USER, ID) && record.data.len() == LENGTH_OF_15)?;
+    let record = records
+        .iter()
+        .find(|record| record.is_mark_of_compatibility() && record.data.len() == LENGTH_OF_15)?;
     Some(u16::from_le_bytes([record.data[TIME_OFFSET], record.data[TIME_OFFSET + 1]]))
-}
-
-/// Whether a record is the mark of compatibility mode.
-pub fn is_mark(user: &str, id: u16) -> bool {
-    id == ID && user.eq_ignore_ascii_case(USER)
 }
 
 impl Compatible {

@@ -82,7 +82,7 @@ pub fn records(records: Vec<Vlr>) -> Vec<Vlr> {
 
 /// The text of a WKT record, unless it is empty or no WKT at all.
 fn wkt(data: &[u8]) -> Option<String> {
-    let text = vlr::text(data);
+    let text = super::text::get(data);
     (text.starts_with(|c: char| c.is_ascii_alphabetic()) && text.contains('[')).then_some(text)
 }
 

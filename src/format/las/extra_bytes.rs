@@ -5,6 +5,7 @@
 //! end of the point format's own. Whatever a record holds beyond its last
 //! described field becomes one more field, so that no byte is without a name.
 
+use super::text;
 use crate::octree::attribute::{ExtraField, Scalar};
 
 /// Bytes of one description.
@@ -114,8 +115,8 @@ fn parse_descriptor(descriptor: &[u8]) -> Option<ExtraField> {
     let offset = doubles(136, HAS_OFFSET);
     let offset = if offset.iter().all(|o| o.is_finite()) { offset } else { Vec::new() };
     Some(ExtraField {
-        name: super::vlr::text(&descriptor[4..36]),
-        description: super::vlr::text(&descriptor[160..192]),
+        name: text::get(&descriptor[4..36]),
+        description: text::get(&descriptor[160..192]),
         scalar,
         elements,
         position: 0,
@@ -173,7 +174,7 @@ pub fn describe(fields: &[ExtraField], standard_length: usize) -> Result<(Vec<u8
 fn push_typed(data: &mut Vec<u8>, field: &ExtraField, kind: u8) {
     let mut descriptor = [0; DESCRIPTOR];
     descriptor[2] = kind;
-    put_text(&mut descriptor[4..36], &field.name);
+    text::put(&mut descriptor[4..36], &field.name);
     for (values, at, present) in [(&field.scale, 112, HAS_SCALE), (&field.offset, 136, HAS_OFFSET)] {
         if !values.is_empty() {
             descriptor[3] |= present;
@@ -182,7 +183,7 @@ fn push_typed(data: &mut Vec<u8>, field: &ExtraField, kind: u8) {
             descriptor[at + 8 * element..][..8].copy_from_slice(&value.to_le_bytes());
         }
     }
-    put_text(&mut descriptor[160..192], &field.description);
+    text::put(&mut descriptor[160..192], &field.description);
     data.extend_from_slice(&descriptor);
 }
 
@@ -194,20 +195,11 @@ fn push_raw(data: &mut Vec<u8>, name: &str, description: &str, size: usize) {
         let part = left.min(255);
         let mut descriptor = [0; DESCRIPTOR];
         descriptor[3] = part as u8;
-        put_text(&mut descriptor[4..36], name);
-        put_text(&mut descriptor[160..192], description);
+        text::put(&mut descriptor[4..36], name);
+        text::put(&mut descriptor[160..192], description);
         data.extend_from_slice(&descriptor);
         left -= part;
     }
-}
-
-/// As much of `text` as fits, cut between characters, the rest zero.
-pub fn put_text(field: &mut [u8], text: &str) {
-    let mut end = text.len().min(field.len());
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
-    field[..end].copy_from_slice(&text.as_bytes()[..end]);
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ impl GeoKeys {
                 ASCII_PARAMETERS => {
                     let start = usize::from(value).min(ascii.len());
                     let end = (start + usize::from(count)).min(ascii.len());
-                    let text = super::vlr::text(&ascii[start..end]);
+                    let text = super::text::get(&ascii[start..end]);
                     keys.texts.push((key, text.trim_end_matches('|').trim().to_string()));
                 }
                 _ => {}

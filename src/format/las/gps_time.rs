@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::{LasError, LasFile};
+use super::error::LasError;
 
 /// What GPS times count from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +73,7 @@ fn position(point_format: u8) -> Option<usize> {
 /// From one time offset to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TimeShift {
-    from: u16,
+    pub from: u16,
     to: u16,
     at: usize,
 }
@@ -90,6 +90,11 @@ impl TimeShift {
             }
             _ => None,
         }
+    }
+
+    /// The way back.
+    pub fn reversed(self) -> TimeShift {
+        TimeShift { from: self.to, to: self.from, at: self.at }
     }
 
     /// Moves the times of all records, or fails at the first that would be
@@ -116,32 +121,6 @@ impl TimeShift {
             *time = moved.to_le_bytes();
         }
         Ok(())
-    }
-}
-
-impl LasFile {
-    /// Has the GPS times count from elsewhere. Seconds of a week stay as they are,
-    /// since nobody knows of which; reading fails at a time that would be rounded.
-    /// Called again, it counts from what the file itself says.
-    pub fn count_times_from(&mut self, gps_time: GpsTime) {
-        let own = self.own_gps_time();
-        self.time_shift = TimeShift::new(own, gps_time, self.header.point_format);
-        self.header.gps_time = if self.time_shift.is_some() { gps_time } else { own };
-    }
-
-    /// What the GPS times count from in the file itself.
-    pub fn own_gps_time(&self) -> GpsTime {
-        self.time_shift.map_or(self.header.gps_time, |shift| GpsTime::Standard { offset: shift.from })
-    }
-
-    /// Has times of records that were read count from where they do in the file.
-    pub fn move_times_back(&self, records: &mut [u8], record_length: usize) -> Result<(), LasError> {
-        match self.time_shift {
-            None => Ok(()),
-            Some(TimeShift { from, to, at }) => {
-                TimeShift { from: to, to: from, at }.apply(self.path(), records, record_length)
-            }
-        }
     }
 }
 

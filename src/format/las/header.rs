@@ -7,6 +7,7 @@ use super::crs::Crs;
 use super::gps_time::GpsTime;
 use super::record_length;
 use super::source::Source;
+use super::text;
 use super::vlr::{self, Vlr};
 use crate::octree::attribute::ExtraField;
 use crate::words;
@@ -314,8 +315,8 @@ impl Front {
             crs: None,
             gps_time: GpsTime::Week,
             crs_records: Vec::new(),
-            software: vlr::text(&raw.generating_software),
-            system: vlr::text(&raw.system_identifier),
+            software: text::get(&raw.generating_software),
+            system: text::get(&raw.system_identifier),
             // LAS is of 2003; before that there is only what was never set.
             created: (created.year >= 1990 && (1..=366).contains(&created.day)).then_some(created),
             global_encoding: raw.global_encoding,

@@ -12,6 +12,7 @@ mod chunk_table;
 mod chunks;
 mod coding;
 mod compatible;
+mod count_times;
 mod crs;
 mod declared_counts;
 mod error;
@@ -33,6 +34,7 @@ mod recover;
 mod sequential;
 mod source;
 mod stream;
+mod text;
 mod variable;
 mod vlr;
 mod writer;
@@ -47,8 +49,9 @@ pub use layout::Layout;
 pub use passed_on::PassedOn;
 pub use reader::{LasFile, Slice};
 pub use recover::Checked;
+pub use text::get as field_text;
 pub use variable::{chunk_table, laszip_record, read_chunk_table};
-pub use vlr::{Vlr, text as field_text};
+pub use vlr::Vlr;
 pub use writer::{LasOptions, LasWriter};
 
 /// How much a file is believed, and how much is made of one that is broken.

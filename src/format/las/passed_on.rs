@@ -2,10 +2,9 @@
 //! others: what a file made of this one is to pass on.
 
 use super::LasError;
-use super::compatible;
 use super::header;
 use super::reader::LasFile;
-use super::vlr;
+use super::{text, vlr};
 
 /// Bytes of them in all that are passed on: readers of files behind a network ask for
 /// the first 64 KiB at once.
@@ -48,14 +47,14 @@ impl LasFile {
             if at > end {
                 break;
             }
-            let (user, id) = (vlr::text(&bytes[2..18]), u16::from_le_bytes([bytes[18], bytes[19]]));
+            let (user, id) = (text::get(&bytes[2..18]), u16::from_le_bytes([bytes[18], bytes[19]]));
             if is_ours(&user, id) || length > room {
                 continue;
             }
             room -= length;
             let mut data = vec![0; length as usize];
             source.read_exact_at(&mut data, data_at)?;
-            records.push(PassedOn { user, id, description: vlr::text(&bytes[22..54]), data });
+            records.push(PassedOn { user, id, description: text::get(&bytes[22..54]), data });
         }
         Ok(records)
     }
@@ -67,7 +66,7 @@ fn is_ours(user: &str, id: u16) -> bool {
     // Of the standard's own, those of waveforms and classes stay.
     let of_standard = is("LASF_Spec") && matches!(id, 4 | 7);
     let of_system = is("LASF_Projection") || is("liblas");
-    let of_compression = is("laszip encoded") || compatible::is_mark(user, id);
+    let of_compression = is("laszip encoded") || vlr::is_mark_of_compatibility(user, id);
     of_standard || of_system || of_compression || is("copc") || is("lodestone") || is("lascompatible")
 }
 

@@ -10,15 +10,25 @@ use laz::LazVlr;
 use laz::laszip::CompressorType;
 
 use super::behind::{Look, Reach, Records};
-use super::chunks::{Chunking, Layout, Located, Locator};
+use super::chunks::{Chunk, Chunking, Layout, Located, Locator};
 use super::coding::Coding;
 use super::declared_counts::{Behind, Claims, Evidence, Verdict, judge};
 use super::header::Front;
-use super::reader::Body;
 use super::sequential::Turnstile;
 use super::source::Source;
 use super::vlr::{self, Vlr};
 use super::{LasError, Reading};
+
+/// How to get at the points of a file.
+#[derive(Debug)]
+pub enum Body {
+    /// Records one behind the other, from this byte on.
+    Plain { at: u64 },
+    /// LAZ chunks, each on its own.
+    Chunks { coding: Coding, chunks: Vec<Chunk> },
+    /// LAZ from front to back.
+    Stream(Box<Turnstile>),
+}
 
 /// What the points' part of a file turned out to be.
 pub struct Points {

@@ -6,7 +6,7 @@ use super::behind::by_share;
 use super::chunks::{Chunk, Chunking, Layout, Listed, Located, Locator};
 use super::declared_counts::{Behind, Evidence, Verdict, judge};
 use super::explore::{Explored, ExploredTo, Explorer};
-use super::{Reading, stream};
+use super::{Reading, chunk_table};
 
 impl Locator<'_> {
     /// Chunks of `each` points, of which the last may have fewer.
@@ -169,7 +169,7 @@ impl Locator<'_> {
             match explored.end {
                 ExploredTo::Bound => return Ok(complete),
                 ExploredTo::Points
-                    if stream::is_end(self.source, explored.at, end, chunks(count), table)? =>
+                    if chunk_table::is_end(self.source, explored.at, end, chunks(count), table)? =>
                 {
                     return Ok(Located {
                         layout: layout(count, true),

@@ -11,10 +11,11 @@ use super::coding::Coding;
 use super::compatible::{self, Compatible};
 use super::gps_time::TimeShift;
 use super::header::{self, Header};
+use super::points::{self, Body};
 use super::sequential::Turnstile;
 use super::source::Source;
 use super::stream::Broken;
-use super::{Reading, crs, extra_bytes, mend, points};
+use super::{Reading, crs, extra_bytes, mend};
 use crate::platform::disk::others::Links;
 
 /// Decoded bytes of a slice at most, however many points were asked for.
@@ -50,16 +51,6 @@ pub struct Slice {
     /// The first point's place in the file's order.
     pub first: u64,
     pub points: u32,
-}
-
-#[derive(Debug)]
-pub(super) enum Body {
-    /// Records one behind the other, from this byte on.
-    Plain { at: u64 },
-    /// LAZ chunks, each on its own.
-    Chunks { coding: Coding, chunks: Vec<Chunk> },
-    /// LAZ from front to back.
-    Stream(Box<Turnstile>),
 }
 
 impl LasFile {

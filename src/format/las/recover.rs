@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::chunks::Chunk;
 use super::coding::Coding;
-use super::reader::Body;
+use super::points::Body;
 use super::sequential::Turnstile;
 use super::stream::SKIP;
 use super::{LasError, LasFile, Reading};

@@ -9,24 +9,10 @@ use laz::record::RecordDecompressor;
 use super::chunks::{Chunk, Layout};
 use super::coding::{Coding, guard};
 use super::source::Source;
-use super::{LasError, chunk_table, fields};
+use super::{chunk_table, fields};
 
-/// Bytes that are looked at to tell padding from points.
-const MOST_PADDING: u64 = 1 << 20;
 /// Points that are decoded into nothing at a time.
 pub const SKIP: u64 = 10_000;
-/// Whether points that end at `at` in a file of so many chunks end where they should:
-/// at `end`, or where the chunk table is said to be, or at one, or only padding follows.
-pub fn is_end(source: &Source, at: u64, end: u64, chunks: u64, table: Option<u64>) -> Result<bool, LasError> {
-    if at >= end || table == Some(at) || chunks > 0 && chunk_table::is_at(source, at, chunks)? {
-        return Ok(true);
-    }
-    let mut rest = vec![0; (end - at).min(MOST_PADDING) as usize];
-    source.read_exact_at(&mut rest, at)?;
-    // One that was cut within the first words of its table shows only those.
-    let is_torn_table = rest.len() < 8 && rest.iter().take(4).all(|byte| *byte == 0);
-    Ok(is_torn_table || rest.iter().all(|byte| *byte == rest[0]))
-}
 
 /// Why decoding ended, and how many points came before.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -123,7 +109,7 @@ impl Stream {
         }
         let at = self.position();
         let chunks = chunk_points.map_or(0, |each| points.div_ceil(u64::from(each)));
-        match is_end(&self.source, at, *end, chunks, None) {
+        match chunk_table::is_end(&self.source, at, *end, chunks, None) {
             Ok(false) => {
                 let reason = format!("{} bytes are left behind the last of its {points} points", end - at);
                 let (readable, sound) = (self.decoded, self.decoded);

@@ -2,9 +2,9 @@
 //! found by walking the file's bytes and never by a header's counts, which lie:
 //! a test file claims 1 069 128 089 of them in 14 kB.
 
-use super::compatible;
 use super::error::LasError;
 use super::source::Source;
+use super::text;
 
 /// Bytes in front of a record's data, and of an extended one's.
 pub(super) const FRONT: u64 = 54;
@@ -37,6 +37,11 @@ impl Vlr {
         Vlr { user: "LASF_Projection".into(), id: WKT, data }
     }
 
+    /// Whether it marks a file in LASzip's compatibility mode.
+    pub fn is_mark_of_compatibility(&self) -> bool {
+        is_mark_of_compatibility(&self.user, self.id)
+    }
+
     /// Whether it says where on Earth the coordinates are, or a part of that.
     pub fn is_of_crs(&self) -> bool {
         is_of_crs(&self.user, self.id)
@@ -45,6 +50,12 @@ impl Vlr {
 
 /// The number of records that hold a CRS as WKT.
 pub const WKT: u16 = 2112;
+
+/// Whether a record marks a file in LASzip's compatibility mode; it holds what a header
+/// of LAS 1.4, or 1.5, has more than that of the file.
+pub fn is_mark_of_compatibility(user: &str, id: u16) -> bool {
+    id == 22204 && user.eq_ignore_ascii_case("lascompatible")
+}
 
 fn is_of_crs(user: &str, id: u16) -> bool {
     let is = |name: &str| user.eq_ignore_ascii_case(name);
@@ -72,7 +83,7 @@ pub fn read(
         let mut front = [0; FRONT as usize];
         source.read_exact_at(&mut front, position)?;
         let length = u64::from(u16::from_le_bytes([front[20], front[21]]));
-        let (user, id) = (text(&front[2..18]), u16::from_le_bytes([front[18], front[19]]));
+        let (user, id) = (text::get(&front[2..18]), u16::from_le_bytes([front[18], front[19]]));
         let fits = position + FRONT + length <= end;
         // Behind the last one that the header counts, only what is certainly a
         // record is taken for one.
@@ -163,7 +174,7 @@ fn extended_at(source: &Source, position: u64) -> Result<Extended, LasError> {
     let mut length = [0; 8];
     length.copy_from_slice(&front[20..28]);
     let length = u64::from_le_bytes(length);
-    Ok(Extended { user: text(&front[2..18]), id: u16::from_le_bytes([front[18], front[19]]), length })
+    Ok(Extended { user: text::get(&front[2..18]), id: u16::from_le_bytes([front[18], front[19]]), length })
 }
 
 /// Whether an extended record begins there, beyond doubt: with the name of a user, in
@@ -184,17 +195,10 @@ fn is_known(user: &str, id: u16) -> bool {
     let is = |name: &str| user.eq_ignore_ascii_case(name);
     match id {
         4 => is("LASF_Spec"),
-        22204 => is("laszip encoded") || compatible::is_mark(user, id),
+        22204 => is("laszip encoded") || is_mark_of_compatibility(user, id),
         1 => is("copc"),
         _ => is_of_crs(user, id),
     }
-}
-
-/// A field of text: up to its first zero, without blanks around it, and with
-/// what is not UTF-8 replaced.
-pub fn text(field: &[u8]) -> String {
-    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
-    String::from_utf8_lossy(&field[..end]).trim().to_string()
 }
 
 /// Appends a record.
@@ -214,9 +218,9 @@ pub fn put_extended(to: &mut Vec<u8>, user: &str, id: u16, description: &str, da
 
 fn put_front(to: &mut Vec<u8>, user: &str, id: u16, length: &[u8], description: &str) {
     let mut user_field = [0; 16];
-    super::extra_bytes::put_text(&mut user_field, user);
+    text::put(&mut user_field, user);
     let mut description_field = [0; 32];
-    super::extra_bytes::put_text(&mut description_field, description);
+    text::put(&mut description_field, description);
     to.extend_from_slice(&[0, 0]);
     to.extend_from_slice(&user_field);
     to.extend_from_slice(&id.to_le_bytes());

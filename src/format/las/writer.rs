@@ -17,6 +17,7 @@ use super::error::LasError;
 use super::extra_bytes;
 use super::gps_time::GpsTime;
 use super::header_totals::Tally;
+use super::text;
 use super::vlr::{self, Vlr};
 use crate::octree::attribute::ExtraField;
 use crate::platform::disk::{Disk, DiskFile};
@@ -343,7 +344,7 @@ fn header(options: &LasOptions, record_length: u16, vlrs: &[u8]) -> las::raw::He
     header.generating_software = [0; 32];
     header.file_creation_day_of_year = 0;
     header.file_creation_year = 0;
-    extra_bytes::put_text(&mut header.system_identifier, "OTHER");
-    extra_bytes::put_text(&mut header.generating_software, &options.software);
+    text::put(&mut header.system_identifier, "OTHER");
+    text::put(&mut header.generating_software, &options.software);
     header
 }

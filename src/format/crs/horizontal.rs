@@ -1,0 +1,24 @@
+//! The horizontal part of a system, and of what kind it is.
+
+use super::wkt::{self, Node};
+
+/// The part of a system that says where on Earth, not how high.
+pub(super) fn horizontal(root: &Node) -> Option<&Node> {
+    match root.keyword.as_str() {
+        "COMPD_CS" | "COMPOUNDCRS" => root.children().find_map(horizontal),
+        "BOUNDCRS" => root.child(&["SOURCECRS"])?.children().find_map(horizontal),
+        _ if root.is(wkt::PROJECTED) || root.is(wkt::GEODETIC) || root.is(&["GEOCCS"]) => Some(root),
+        _ => None,
+    }
+}
+
+/// Degrees, rather than a projection or meters from the Earth's center.
+pub(super) fn is_ellipsoidal(node: &Node) -> bool {
+    node.is(wkt::GEODETIC) && !is_geocentric(node)
+}
+
+pub(super) fn is_geocentric(node: &Node) -> bool {
+    let is_cartesian =
+        |cs: &Node| cs.words().next().is_some_and(|word| word.eq_ignore_ascii_case("Cartesian"));
+    node.is(&["GEOCCS"]) || node.is(wkt::GEODETIC) && node.child(&["CS"]).is_some_and(is_cartesian)
+}
