@@ -134,6 +134,19 @@ pub fn number(value: f64) -> String {
     }
 }
 
+/// A number with its digits in groups of three.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(' ');
+        }
+        out.push(digit);
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,5 +233,13 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn digits_stand_in_groups() {
+        assert_eq!(
+            (grouped(5), grouped(1234), grouped(10_653_336)),
+            ("5".into(), "1 234".into(), "10 653 336".into())
+        );
     }
 }

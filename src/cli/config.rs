@@ -1,6 +1,8 @@
 //! `lodestone config`.
 
-use super::{Exit, failed, output, serve};
+use super::exit::Exit;
+use super::output::{self, failed};
+use super::serve;
 
 /// Print the configuration that `serve` would run with, as TOML.
 #[derive(Debug, clap::Args)]

@@ -4,17 +4,18 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Exit;
-use super::output::{complain, say};
+use super::arguments;
+use super::exit::Exit;
+use super::output::{complain, failed, say};
 use super::progress::{self, Style};
 use crate::convert::context::{Cancel, Context, Progress};
+use crate::convert::folder_names::{staging_folder, within_a_name};
 use crate::convert::formats::Formats;
 use crate::convert::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
 use crate::convert::run::{self, Outcome, Request};
-use crate::convert::staging::{staging_folder, within_a_name};
 use crate::format::crs;
 use crate::platform::disk::Disk;
-use crate::words::Plain;
+use crate::words::{Plain, grouped};
 
 /// Convert LAS/LAZ files or folders into one Potree 2.0 octree, one COPC file, or both
 #[derive(Debug, clap::Args)]
@@ -64,7 +65,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Memory to work with, as in 512M or 16G; a quarter of what there is if not given
-    #[arg(long, value_name = "BYTES", value_parser = super::parse_bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = arguments::parse_bytes)]
     memory_limit: Option<u64>,
     /// Where intermediate files go; beside the output if not given
     #[arg(long, value_name = "DIR")]
@@ -131,7 +132,7 @@ pub fn run(arguments: Arguments) -> Exit {
         }
         Err(error) => {
             progress::failed(style, &error);
-            let exit = super::failed(&error);
+            let exit = failed(&error);
             if style != Style::Json {
                 tell_what_remains(&request, &context, error.is_cancelled());
             }
@@ -174,8 +175,8 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
     say!(
         "{}: {} points in {} nodes, {} levels, {:.1} MB, in {:.2} s ({:.2} million points a second)",
         Plain(request.output.display()),
-        super::grouped(outcome.points_out),
-        super::grouped(outcome.nodes),
+        grouped(outcome.points_out),
+        grouped(outcome.nodes),
         outcome.depth + 1,
         outcome.output_bytes as f64 / 1e6,
         seconds,
@@ -185,7 +186,7 @@ fn print_outcome(request: &Request, outcome: &Outcome) {
         say!(
             "{}: COPC of {} nodes, point format {}, {:.1} MB",
             Plain(request.output.join(&copc.file).display()),
-            super::grouped(copc.nodes),
+            grouped(copc.nodes),
             copc.point_format,
             copc.bytes as f64 / 1e6,
         );

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::output::say;
-use super::{Exit, grouped};
+use super::arguments;
+use super::exit::Exit;
+use super::output::{failed, say};
 use crate::export::{Request, export};
 use crate::platform::limits;
-use crate::words::Plain;
+use crate::words::{Plain, grouped};
 
 /// Write the points of an octree or a COPC file as LAS or LAZ, with all attributes
 #[derive(Debug, clap::Args)]
@@ -30,7 +31,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Memory to work with, as in 512M or 16G; a quarter of what there is if not given
-    #[arg(long, value_name = "BYTES", value_parser = super::parse_bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = arguments::parse_bytes)]
     memory_limit: Option<u64>,
 }
 
@@ -56,9 +57,9 @@ fn bounds(text: &str) -> Result<Bounds, String> {
 }
 
 pub fn run(arguments: Arguments) -> Exit {
-    let pool = match super::pool(arguments.threads) {
+    let pool = match arguments::pool(arguments.threads) {
         Ok(pool) => pool,
-        Err(error) => return super::failed(&error),
+        Err(error) => return failed(&error),
     };
     let request = Request {
         source: arguments.source,
@@ -74,7 +75,7 @@ pub fn run(arguments: Arguments) -> Exit {
             say!("{path}: {points} points of point format {}", exported.point_format);
             Exit::Done
         }
-        Err(error) => super::failed(&error),
+        Err(error) => failed(&error),
     }
 }
 

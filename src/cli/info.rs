@@ -3,19 +3,18 @@
 
 mod copc;
 mod json;
+mod page;
 
-use std::fmt::{self, Write};
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Exit, grouped, output};
+use super::exit::Exit;
+use super::output::{self, failed};
 use crate::format::copc::is_copc;
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
-use crate::format::potree::{self, Metadata, MetadataAttribute, Node, files};
-use crate::octree::attribute::Scalar;
+use crate::format::potree::{self, Metadata, files};
 use crate::platform::limits::default_memory_limit;
-use crate::words::{self, Plain};
+use page::{las_page, octree_page};
 
 /// Describe an octree or a LAS/LAZ file
 #[derive(Debug, clap::Args)]
@@ -34,11 +33,12 @@ pub fn run(arguments: Arguments) -> Exit {
         false => &path,
     };
     let text = match folder.is_dir() {
-        true => of_octree(folder, arguments.json).map_err(|error| super::failed(&error)),
-        false if is_copc(&path) => copc::describe(&path, default_memory_limit(), arguments.json)
-            .map_err(|error| super::failed(&error)),
+        true => of_octree(folder, arguments.json).map_err(|error| failed(&error)),
+        false if is_copc(&path) => {
+            copc::describe(&path, default_memory_limit(), arguments.json).map_err(|error| failed(&error))
+        }
         false => LasFile::open(&path)
-            .map_err(|error| super::failed(&error))
+            .map_err(|error| failed(&error))
             .map(|file| of_las(&path, file.header(), arguments.json)),
     };
     match text {
@@ -48,7 +48,7 @@ pub fn run(arguments: Arguments) -> Exit {
 }
 
 fn of_las(path: &Path, header: &Header, as_json: bool) -> String {
-    if as_json { pretty(&json::las(path, header)) } else { las_page(path, header) }
+    if as_json { json::pretty(&json::las(path, header)) } else { las_page(path, header) }
 }
 
 fn of_octree(folder: &Path, as_json: bool) -> potree::Result<String> {
@@ -57,219 +57,7 @@ fn of_octree(folder: &Path, as_json: bool) -> potree::Result<String> {
     let first = metadata.hierarchy.first_chunk_size;
     let (nodes, _) = inspect_hierarchy_file(&hierarchy, length, first, most_nodes(default_memory_limit()))?;
     Ok(match as_json {
-        true => pretty(&json::octree(folder, &metadata, &nodes)),
+        true => json::pretty(&json::octree(folder, &metadata, &nodes)),
         false => octree_page(folder, &metadata, &nodes),
     })
-}
-
-fn pretty(value: &serde_json::Value) -> String {
-    format!("{value:#}\n")
-}
-
-/// A page of lines, each with a title.
-#[derive(Default)]
-struct Page(String);
-
-impl Page {
-    fn line(&mut self, title: &str, text: impl fmt::Display) {
-        // Writing to a string cannot fail.
-        let _ = writeln!(self.0, "{title:<14} {}", Plain(text));
-    }
-
-    /// A text of several lines, under one title.
-    fn block(&mut self, title: &str, text: &str) {
-        for (index, line) in text.lines().enumerate() {
-            self.line(if index == 0 { title } else { "" }, line);
-        }
-    }
-}
-
-fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String {
-    let bytes = fs::metadata(folder.join(potree::OCTREE)).map_or(0, |file| file.len());
-    let mut page = Page::default();
-    page.line("octree", folder.display());
-    page.line("name", or_none(&metadata.name));
-    if !metadata.description.is_empty() {
-        page.block("description", &metadata.description);
-    }
-    if let Some(generator) = &metadata.generator {
-        page.line(
-            "made by",
-            format!("{} {}, sampling {}", generator.name, generator.version, generator.sampling),
-        );
-        match generator.lod_color.as_deref() {
-            None => {}
-            Some("average") => {
-                page.line("", "rgb holds averages on coarse levels, rgb original the points' own")
-            }
-            Some("attribute") => page.line("", "rgb average holds averages on coarse levels"),
-            Some(other) => page.line("", format!("colours of coarse levels: {other}")),
-        }
-    }
-    page.line("points", grouped(metadata.points));
-    let encoding = match metadata.encoding {
-        potree::Encoding::Default => "DEFAULT",
-        potree::Encoding::Brotli => "BROTLI",
-    };
-    let each = bytes as f64 / metadata.points.max(1) as f64;
-    page.line("points file", format!("{} bytes, {encoding}, {each:.1} bytes a point", grouped(bytes)));
-    let position = metadata.attributes.iter().find(|attribute| attribute.name == "position");
-    if let Some([min, max]) = position.and_then(tight_box) {
-        extent(&mut page, min, max, metadata.scale);
-    }
-    let bounds = &metadata.bounding_box;
-    let sides: [f64; 3] = std::array::from_fn(|axis| bounds.max[axis] - bounds.min[axis]);
-    page.line("root cube", coordinates(sides, metadata.scale));
-    page.line("", format!("from {}", coordinates(bounds.min, metadata.scale)));
-    page.line("scale", join(metadata.scale));
-    page.line("offset", join(metadata.offset));
-    page.line("CRS", one_line(or_none(metadata.crs())));
-    if !metadata.crs.is_empty() {
-        page.line("projection", one_line(or_none(&metadata.projection)));
-    }
-    page.0.push('\n');
-    let rows: Vec<(u8, bool, u32)> =
-        nodes.iter().map(|node| (node.name.level(), node.child_mask == 0, node.points)).collect();
-    levels(&mut page, metadata.spacing, &rows);
-    page.0.push('\n');
-    attributes(&mut page, metadata);
-    page.0
-}
-
-fn tight_box(position: &MetadataAttribute) -> Option<[[f64; 3]; 2]> {
-    Some([*position.min.first_chunk()?, *position.max.first_chunk()?])
-}
-
-/// A table of the levels: spacing, nodes, leaves, points. A node is its level, whether it is
-/// a leaf, and its points.
-fn levels(page: &mut Page, spacing: f64, nodes: &[(u8, bool, u32)]) {
-    let deepest = nodes.iter().map(|node| node.0).max().unwrap_or(0);
-    page.line("level", format!("{:>12} {:>12} {:>12} {:>16}", "spacing", "nodes", "leaves", "points"));
-    let row = |level: Option<u8>| {
-        let of_level = nodes.iter().filter(move |node| level.is_none_or(|level| node.0 == level));
-        let leaves = of_level.clone().filter(|node| node.1).count() as u64;
-        let points = of_level.clone().map(|node| u64::from(node.2)).sum();
-        (of_level.count() as u64, leaves, points)
-    };
-    for level in (0..=deepest).map(Some).chain([None]) {
-        let (count, leaves, points) = row(level);
-        let spacing = level.map_or(String::new(), |level| match spacing / f64::from(level).exp2() {
-            spacing if spacing.abs() >= 1e9 => words::number(spacing),
-            spacing => format!("{spacing:.6}"),
-        });
-        let title = level.map_or("all".to_string(), |level| level.to_string());
-        let (count, leaves, points) = (grouped(count), grouped(leaves), grouped(points));
-        page.line(&title, format!("{spacing:>12} {count:>12} {leaves:>12} {points:>16}"));
-    }
-}
-
-fn attributes(page: &mut Page, metadata: &Metadata) {
-    let longest = metadata.attributes.iter().map(|a| a.name.chars().count()).max().unwrap_or(0);
-    for (index, attribute) in metadata.attributes.iter().enumerate() {
-        let kind = match attribute.value_type.unwrap_or(attribute.kind).into() {
-            Scalar::F32 => "float".to_string(),
-            Scalar::F64 => "double".to_string(),
-            scalar => format!("{scalar:?}").to_lowercase().replace('i', "int").replace('u', "uint"),
-        };
-        let halves = if attribute.value_type.is_some() { 2 } else { 1 };
-        let elements = match attribute.num_elements / halves {
-            1 => kind,
-            elements => format!("{kind} x{elements}"),
-        };
-        // Halves say nothing of the range of the whole.
-        let range = match attribute.value_type {
-            Some(_) => String::new(),
-            None => format!("{} to {}", join(&attribute.min), join(&attribute.max)),
-        };
-        let title = if index == 0 { "attributes" } else { "" };
-        page.line(title, format!("{:<longest$}  {elements:<10}  {range}", attribute.name));
-    }
-}
-
-fn las_page(path: &Path, header: &Header) -> String {
-    let mut page = Page::default();
-    page.line("file", path.display());
-    let kind = if header.compressed { "LAZ" } else { "LAS" };
-    let (major, minor) = header.version;
-    page.line("format", format!("{kind} {major}.{minor}, point format {}", header.point_format));
-    page.line("size", format!("{} bytes, records of {}", grouped(header.file_bytes), header.record_length));
-    page.line("points", grouped(header.points));
-    extent(&mut page, header.min, header.max, header.scale);
-    page.line("scale", join(header.scale));
-    page.line("offset", join(header.offset));
-    page.line("software", or_none(&header.software));
-    page.line("system", or_none(&header.system));
-    let created = header.created.map(|created| format!("day {} of {}", created.day, created.year));
-    page.line("created", created.as_deref().unwrap_or("-"));
-    match &header.crs {
-        Some(crs) => {
-            let source = if crs.source.name() == "WKT" { "WKT" } else { "keys" };
-            page.line(&format!("CRS ({source})"), one_line(&crs.text));
-        }
-        None => page.line("CRS", "-"),
-    }
-    if !matches!(header.point_format, 0 | 2) {
-        page.line("GPS times", header.gps_time.describe());
-    }
-    for (index, field) in header.extra.iter().enumerate() {
-        let title = if index == 0 { "extra bytes" } else { "" };
-        let text = format!("{}, {:?} x{} {}", field.name, field.scalar, field.elements, field.description);
-        page.line(title, text.trim_end());
-    }
-    for (index, note) in header.notes.iter().enumerate() {
-        page.line(if index == 0 { "notes" } else { "" }, note);
-    }
-    page.0
-}
-
-fn extent(page: &mut Page, min: [f64; 3], max: [f64; 3], scale: [f64; 3]) {
-    page.line("from", coordinates(min, scale));
-    page.line("to", coordinates(max, scale));
-    let size: [f64; 3] = std::array::from_fn(|axis| max[axis] - min[axis]);
-    page.line("extent", coordinates(size, scale));
-}
-
-/// Coordinates with as many decimals as their unit has.
-fn coordinates(values: [f64; 3], scale: [f64; 3]) -> String {
-    let text = |axis: usize| {
-        let decimals = (-scale[axis].abs().log10()).ceil().clamp(0.0, 12.0);
-        // Where a header lies, a coordinate may have three hundred digits.
-        match values[axis] {
-            value if value.abs() >= 1e15 => words::number(value),
-            value => format!("{value:.*}", if decimals.is_finite() { decimals as usize } else { 3 }),
-        }
-    };
-    format!("{} {} {}", text(0), text(1), text(2))
-}
-
-fn join(values: impl AsRef<[f64]>) -> String {
-    values.as_ref().iter().copied().map(words::number).collect::<Vec<_>>().join(" ")
-}
-
-/// A text of several lines, as WKT may be, on one.
-fn one_line(text: &str) -> String {
-    text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
-}
-
-fn or_none(text: &str) -> &str {
-    if text.is_empty() { "-" } else { text }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn coordinates_have_the_decimals_of_their_unit() {
-        assert_eq!(coordinates([1.23456, 2.0, 3.5], [0.01, 1e-7, 1.0]), "1.23 2.0000000 4");
-        assert_eq!(coordinates([1.0; 3], [f64::NAN; 3]), "1.000 1.000 1.000");
-        let huge = coordinates([f64::MAX, -1e300, f64::INFINITY], [0.01; 3]);
-        assert_eq!(huge, "1.7976931348623157e308 -1e300 inf");
-        assert_eq!(join([f64::MIN, 0.5]), "-1.7976931348623157e308 0.5");
-    }
-
-    #[test]
-    fn wkt_stands_on_one_line() {
-        assert_eq!(one_line("PROJCS[\"a\",\r\n  GEOGCS[\n\"b\"]]\n"), "PROJCS[\"a\", GEOGCS[ \"b\"]]");
-    }
 }

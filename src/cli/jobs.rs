@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Exit, failed, output};
+use super::exit::Exit;
+use super::output::{self, failed};
 use crate::platform::clock::Clock;
 use crate::serve::config::Layer;
 use crate::serve::config::age::Age;
@@ -15,7 +16,7 @@ use crate::serve::job::facts::Facts;
 use crate::serve::job::time;
 use crate::serve::job::{Event, Input, Job, JobId, State};
 use crate::serve::queue::{Attempt, History, Store, StoreError};
-use crate::words::Plain;
+use crate::words::{Plain, grouped};
 
 /// List, show and control the jobs of the queue
 #[derive(Debug, clap::Args)]
@@ -209,7 +210,7 @@ fn row(told: &Told) -> [String; 9] {
         Some(wish) => format!("{} ({} asked)", job.state.name(), wish.name()),
         None => job.state.name().to_string(),
     };
-    let (points, size) = (super::grouped(job.points), Size(job.bytes).to_string());
+    let (points, size) = (grouped(job.points), Size(job.bytes).to_string());
     let took = facts.duration_seconds.map(time::duration).unwrap_or_default();
     // To the second, and without the zone that the head of `show` tells.
     let created = facts.created_at_iso.get(..19).unwrap_or_default().replace('T', " ") + "Z";
@@ -227,7 +228,7 @@ fn why(job: &Job, facts: &Facts) -> String {
     }
     let counted = [(facts.points_missing, "missing"), (facts.points_set_aside, "set aside")];
     for (points, what) in counted {
-        parts.extend(points.filter(|points| *points > 0).map(|n| format!("{} {what}", super::grouped(n))));
+        parts.extend(points.filter(|points| *points > 0).map(|n| format!("{} {what}", grouped(n))));
     }
     match facts.warnings.len() {
         0 => {}
@@ -272,7 +273,7 @@ async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
         (facts.points_set_aside, "set aside"),
         (facts.points_missing, "missing"),
     ] {
-        text += &points.map(|n| format!("points    {} {what}\n", super::grouped(n))).unwrap_or_default();
+        text += &points.map(|n| format!("points    {} {what}\n", grouped(n))).unwrap_or_default();
     }
     let inputs = store.inputs(job.id).await?;
     let inputs: Vec<String> =

@@ -1,7 +1,9 @@
 //! The command line: arguments in, exit code out. One file a command.
 
+mod arguments;
 mod config;
 mod convert;
+mod exit;
 mod export;
 mod info;
 mod jobs;
@@ -19,21 +21,12 @@ mod vpc;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::platform::limits;
 use crate::serve::config::logging::LogFormat;
 use crate::serve::init;
-
-/// How a command ended; the numbers are what scripts rely on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Exit {
-    Done = 0,
-    Failed = 1,
-    Usage = 2,
-    /// Done, but points were set aside, or are missing from damaged inputs.
-    SetAside = 3,
-}
+use exit::Exit;
+use output::failed;
 
 #[derive(Debug, Parser)]
 #[command(name = "lodestone", version, about, max_term_width = 100)]
@@ -101,74 +94,15 @@ pub fn run() -> ExitCode {
         Command::Jobs(arguments) => jobs::run(arguments),
         Command::Synth(arguments) => synth::run(arguments),
         Command::Report(arguments) => report::run(arguments),
-        Command::Completions(arguments) => shell::completions(arguments),
-        Command::Man(arguments) => shell::man(arguments),
+        Command::Completions(arguments) => shell::completions(arguments, Arguments::command()),
+        Command::Man(arguments) => shell::man(arguments, Arguments::command()),
     };
     ExitCode::from(output::after(exit) as u8)
-}
-
-/// Threads to work with; all that the machine or container grants if their number is not
-/// given.
-fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
-    let threads = threads.map_or_else(limits::threads, usize::from);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build()
-}
-
-/// Prints an error with its causes and says that the command failed.
-fn failed(error: &dyn std::error::Error) -> Exit {
-    output::complain(format_args!("{error}"));
-    Exit::Failed
-}
-
-/// Bytes from `512M`, `16GiB`, `1.5g` or a plain number; K, M, G and T are
-/// powers of 1024.
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let lower = text.trim().to_ascii_lowercase();
-    let digits = lower.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let factor = match lower[digits.len()..].trim_end_matches('b').trim_end_matches('i') {
-        "" => 1u64,
-        "k" => 1 << 10,
-        "m" => 1 << 20,
-        "g" => 1 << 30,
-        "t" => 1 << 40,
-        unit => return Err(format!("{unit:?} is no unit of memory; use K, M, G or T")),
-    };
-    let number: f64 =
-        digits.trim().parse().map_err(|_| format!("{text:?} is no amount of memory, such as 512M"))?;
-    let bytes = number * factor as f64;
-    if !(1.0..9e18).contains(&bytes) {
-        return Err(format!("{text:?} is no sensible amount of memory"));
-    }
-    Ok(bytes as u64)
-}
-
-/// A number with its digits in groups of three.
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut out = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(' ');
-        }
-        out.push(digit);
-    }
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn memory_is_read_as_people_write_it() {
-        assert_eq!(parse_bytes("512M"), Ok(512 << 20));
-        assert_eq!(parse_bytes("16GiB"), Ok(16 << 30));
-        assert_eq!(parse_bytes("1.5g"), Ok(3 << 29));
-        assert_eq!(parse_bytes("1000"), Ok(1000));
-        assert!(
-            parse_bytes("12 parsecs").is_err() && parse_bytes("-1G").is_err() && parse_bytes("").is_err()
-        );
-    }
 
     /// All arguments of all commands.
     fn arguments_of(command: &clap::Command, all: &mut Vec<(String, clap::Arg)>) {
@@ -179,7 +113,6 @@ mod tests {
 
     #[test]
     fn every_choice_is_taken_in_any_letter_case() {
-        use clap::CommandFactory;
         let mut all = Vec::new();
         arguments_of(&Arguments::command(), &mut all);
         let choices: Vec<_> = all
@@ -199,15 +132,6 @@ mod tests {
 
     #[test]
     fn the_description_of_the_command_line_is_sound() {
-        use clap::CommandFactory;
         Arguments::command().debug_assert();
-    }
-
-    #[test]
-    fn digits_stand_in_groups() {
-        assert_eq!(
-            (grouped(5), grouped(1234), grouped(10_653_336)),
-            ("5".into(), "1 234".into(), "10 653 336".into())
-        );
     }
 }

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::ProgressBar;
 
-use super::Exit;
+use super::exit::Exit;
 use crate::words::{Lines, Plain};
 
 /// Whether something could not be written, told once.
@@ -49,6 +49,12 @@ pub(super) fn check(result: io::Result<()>) {
 /// A message on stderr.
 pub(super) fn complain(text: fmt::Arguments) {
     tell(format_args!("lodestone: {}", Plain(text)));
+}
+
+/// Prints an error with its causes and says that the command failed.
+pub(super) fn failed(error: &dyn std::error::Error) -> Exit {
+    complain(format_args!("{error}"));
+    Exit::Failed
 }
 
 /// Says that the settings are wrong; with the lines of a file that show where.

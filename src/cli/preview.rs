@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::output::say;
-use super::{Exit, sheet};
+use super::arguments;
+use super::exit::Exit;
+use super::output::{failed, say};
+use super::sheet;
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::convert::preview::{Options, Preview, Still, Turntable, preview};
 use crate::platform::disk::Disk;
@@ -58,9 +60,9 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments) -> Exit {
-    let pool = match super::pool(arguments.threads) {
+    let pool = match arguments::pool(arguments.threads) {
         Ok(pool) => pool,
-        Err(error) => return super::failed(&error),
+        Err(error) => return failed(&error),
     };
     let mut options = Options {
         color: arguments.color,
@@ -95,13 +97,13 @@ pub fn run(arguments: Arguments) -> Exit {
                 }
                 made.push((name, preview));
             }
-            Err(error) => exit = super::failed(&error),
+            Err(error) => exit = failed(&error),
         }
     }
     if let (Some(folder), true) = (&arguments.output, several) {
         let path = folder.join("index.html");
         if let Err(error) = Disk::new().write_atomic(&path, sheet::page(&made).as_bytes()) {
-            exit = super::failed(&error);
+            exit = failed(&error);
         }
     }
     if arguments.json {
@@ -111,7 +113,7 @@ pub fn run(arguments: Arguments) -> Exit {
         };
         match json {
             Ok(json) => say!("{json}"),
-            Err(error) => return super::failed(&error),
+            Err(error) => return failed(&error),
         }
     }
     exit

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output::{self, say};
-use super::{Exit, failed};
+use super::arguments;
+use super::exit::Exit;
+use super::output::{self, failed, say};
 use crate::convert::context::Cancel;
 use crate::lab::compare;
 use crate::lab::settings::{Means, MeasureError, Step};
@@ -32,7 +33,7 @@ pub struct Arguments {
     #[arg(long)]
     stability: bool,
     /// Points of each scene; 20M is understood
-    #[arg(long, value_name = "N", value_parser = super::synth::count)]
+    #[arg(long, value_name = "N", value_parser = arguments::count)]
     points: Option<u64>,
     /// Only these scenes
     #[arg(long, ignore_case = true, value_delimiter = ',', value_name = "SCENES")]
@@ -86,14 +87,14 @@ pub fn run(arguments: Arguments) -> Exit {
 }
 
 fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
-    let mut wishes = match arguments.full {
-        true => compare::Wishes::full(means),
-        false => compare::Wishes::quick(means),
+    let mut options = match arguments.full {
+        true => compare::CompareOptions::full(means),
+        false => compare::CompareOptions::quick(means),
     };
-    wishes.points = arguments.points.unwrap_or(wishes.points);
-    wishes.clouds = arguments.clouds;
+    options.points = arguments.points.unwrap_or(options.points);
+    options.clouds = arguments.clouds;
     if !arguments.scenes.is_empty() {
-        wishes.scenes = arguments.scenes;
+        options.scenes = arguments.scenes;
     }
     // Read first: an hour is too long to find out that it is no report.
     let before = arguments.against.as_deref().map(compare::read).transpose()?;
@@ -106,7 +107,7 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
         }
         None => {
             let bar = bar();
-            let report = compare::measure(&wishes, &|step| show(&bar, step));
+            let report = compare::measure(&options, &|step| show(&bar, step));
             done(&bar);
             let report = report?;
             write(&json, &json_of(&report))?;
@@ -125,7 +126,7 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
 }
 
 fn stability(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
-    let wishes = stability::Wishes {
+    let options = stability::StabilityOptions {
         means,
         points: arguments.points.unwrap_or(5_000_000),
         full: arguments.full,
@@ -133,7 +134,7 @@ fn stability(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
     };
     let bar = bar();
     let shown = |row: &Row| bar.suspend(|| say!("{}", stability::plain(row)));
-    let table = stability::measure(&wishes, &|step| show(&bar, step), &shown);
+    let table = stability::measure(&options, &|step| show(&bar, step), &shown);
     done(&bar);
     let table = table?;
     let written = [(arguments.output, stability::markdown(&table)), (arguments.json, json_of(&table))];

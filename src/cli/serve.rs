@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{Exit, failed, output};
+use super::exit::Exit;
+use super::output::{self, failed};
 use crate::serve;
 use crate::serve::config::logging::LogFormat;
 use crate::serve::config::{Config, ConfigError, Layer};

@@ -3,11 +3,10 @@
 
 use std::path::PathBuf;
 
-use clap::CommandFactory;
 use clap_complete::Shell;
 
-use super::output::say;
-use super::{Exit, failed, output};
+use super::exit::Exit;
+use super::output::{self, failed, say};
 use crate::platform::disk::Disk;
 
 /// Print what completes this program's commands and flags in a shell
@@ -33,14 +32,16 @@ pub struct Man {
 
 const NAME: &str = "lodestone";
 
-pub fn completions(arguments: Completions) -> Exit {
+/// Prints the completions of a command line.
+pub fn completions(arguments: Completions, mut program: clap::Command) -> Exit {
     let mut text = Vec::new();
-    clap_complete::generate(arguments.shell, &mut super::Arguments::command(), NAME, &mut text);
+    clap_complete::generate(arguments.shell, &mut program, NAME, &mut text);
     output::print(&String::from_utf8_lossy(&text), Exit::Done)
 }
 
-pub fn man(arguments: Man) -> Exit {
-    match pages() {
+/// Prints or writes the pages of a command line.
+pub fn man(arguments: Man, program: clap::Command) -> Exit {
+    match pages(program) {
         Err(error) => failed(&error),
         Ok(pages) => match (&arguments.output, &arguments.command) {
             (Some(folder), _) => write(folder, &pages),
@@ -64,8 +65,7 @@ pub fn man(arguments: Man) -> Exit {
 }
 
 /// The pages of the program and of its commands, by their names.
-fn pages() -> std::io::Result<Vec<(String, String)>> {
-    let mut program = super::Arguments::command();
+fn pages(mut program: clap::Command) -> std::io::Result<Vec<(String, String)>> {
     program.build();
     let mut pages = vec![(NAME.to_string(), page(program.clone())?)];
     for command in program.get_subcommands().filter(|command| command.get_name() != "help") {

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::Exit;
-use super::output::say;
+use super::arguments;
+use super::exit::Exit;
+use super::output::{failed, say};
 use crate::convert::options::Damaged;
 use crate::platform::limits;
 use crate::verify::{self, Request, Spacing};
@@ -32,14 +33,14 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Memory to work with, as in 512M or 16G; a quarter of what there is if not given
-    #[arg(long, value_name = "BYTES", value_parser = super::parse_bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = arguments::parse_bytes)]
     memory_limit: Option<u64>,
 }
 
 pub fn run(arguments: Arguments) -> Exit {
-    let pool = match super::pool(arguments.threads) {
+    let pool = match arguments::pool(arguments.threads) {
         Ok(pool) => pool,
-        Err(error) => return super::failed(&error),
+        Err(error) => return failed(&error),
     };
     let request = Request {
         octree: arguments.octree,
@@ -51,13 +52,13 @@ pub fn run(arguments: Arguments) -> Exit {
     let started = Instant::now();
     let mut report = match pool.install(|| verify::verify(&request)) {
         Ok(report) => report,
-        Err(error) => return super::failed(&error),
+        Err(error) => return failed(&error),
     };
     report.seconds = started.elapsed().as_secs_f64();
     if arguments.json {
         match serde_json::to_string_pretty(&report) {
             Ok(json) => say!("{json}"),
-            Err(error) => return super::failed(&error),
+            Err(error) => return failed(&error),
         }
     } else {
         say!("{report}");

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::output::{complain, say};
-use super::{Exit, grouped};
+use super::exit::Exit;
+use super::output::{complain, failed, say};
 use crate::export::vpc;
 use crate::platform::disk::Disk;
 use crate::platform::limits;
-use crate::words::Plain;
+use crate::words::{Plain, grouped};
 
 /// List the COPC files of a folder as one virtual point cloud, which QGIS and PDAL open as one
 /// layer
@@ -46,7 +46,7 @@ pub fn run(arguments: Arguments) -> Exit {
         say!("{}", made.json.trim_end());
     } else {
         if let Err(error) = Disk::new().write_atomic(&output, made.json.as_bytes()) {
-            return super::failed(&error);
+            return failed(&error);
         }
         let (path, files, points) =
             (Plain(output.display()), grouped(made.files as u64), grouped(made.points));

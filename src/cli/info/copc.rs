@@ -4,10 +4,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::super::grouped;
-use super::{Page, coordinates, json as pages, las_page, levels, pretty};
+use super::json as pages;
+use super::page::{Page, coordinates, las_page, levels};
 use crate::format::copc::hierarchy::MAX_LEVEL;
 use crate::format::copc::{CopcError, CopcFile, Entry};
+use crate::words::grouped;
 
 /// A page about a COPC file, or the same as JSON.
 pub fn describe(path: &Path, memory_limit: u64, as_json: bool) -> Result<String, CopcError> {
@@ -15,7 +16,7 @@ pub fn describe(path: &Path, memory_limit: u64, as_json: bool) -> Result<String,
     if as_json {
         let mut value = pages::las(path, &file.header);
         value["copc"] = json(&file);
-        return Ok(pretty(&value));
+        return Ok(pages::pretty(&value));
     }
     let mut page = Page(las_page(path, &file.header));
     let cube = file.cube();

@@ -73,3 +73,8 @@ pub(super) fn octree(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> Valu
         "metadata": metadata,
     })
 }
+
+/// JSON as it is printed.
+pub fn pretty(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
+}

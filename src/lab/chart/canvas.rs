@@ -4,7 +4,6 @@
 use maud::{Markup, PreEscaped, Render, html};
 
 use super::axis::{Axis, Better, Ruler};
-use super::shape;
 
 /// All charts are as wide, so that on a page their frames and texts match.
 pub(super) const WIDTH: f64 = 720.0;
@@ -166,28 +165,6 @@ impl Canvas {
 
 fn lines(ruler: &Ruler) -> [(&'static str, Vec<f64>); 2] {
     [("minor", ruler.minor.clone()), ("grid", ruler.major.iter().map(|(value, _)| *value).collect())]
-}
-
-/// One entry of a key: a method's line, mark or both.
-pub(super) fn sign(look: usize, line: bool, mark: bool) -> (Canvas, f64) {
-    let mut canvas = Canvas::default();
-    let mut parts = Canvas::default();
-    if line {
-        parts.line("line", [0.0, 0.0], [28.0, 0.0]);
-    }
-    if mark {
-        parts.path("mark", &shape::path(look, [if line { 14.0 } else { 6.0 }, 0.0], 4.5));
-    }
-    canvas.group(&shape::class(look), "", [0.0, 0.0], parts);
-    (canvas, if line { 34.0 } else { 18.0 })
-}
-
-/// The sign of a mark of an earlier run and where it is now.
-pub(super) fn earlier_sign() -> (Canvas, f64) {
-    let mut canvas = Canvas::default();
-    canvas.path("was", &shape::path(0, [4.0, 0.0], 3.5));
-    canvas.arrow([8.0, 0.0], [27.0, 0.0]);
-    (canvas, 34.0)
 }
 
 impl Drawing {

@@ -2,11 +2,9 @@
 //! would mean nothing on a logarithmic axis.
 
 use super::axis::{Axis, Ruler, Scale};
-use super::canvas::{
-    self, BOLD, Canvas, Drawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width,
-};
+use super::canvas::{BOLD, Canvas, Drawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width};
 use super::table::{Cell, Column, Table};
-use super::{number, shape};
+use super::{legend, number, shape};
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bars {
@@ -88,7 +86,7 @@ impl Bars {
         let bottom = rect.bottom + 2.0 * LINE + 5.0;
         canvas.level_title(&self.axis, [left, WIDTH - MARGIN], bottom);
         let before = all().filter(shown).any(|bar| bar.before.is_some_and(|was| self.axis.takes(was)));
-        let (sign, wide) = canvas::earlier_sign();
+        let (sign, wide) = legend::earlier_sign();
         let entries =
             if before { vec![(sign, wide, "from the earlier run".to_string())] } else { Vec::new() };
         let bottom = canvas.key(entries, &notes, MARGIN, bottom + LINE - 3.0);

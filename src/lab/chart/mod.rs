@@ -8,11 +8,13 @@ mod axis;
 mod canvas;
 mod dots;
 mod label;
+mod legend;
 mod number;
 mod page;
 mod panel;
 mod pattern;
 mod plot;
+mod series;
 mod shape;
 mod table;
 
@@ -20,7 +22,7 @@ pub use axis::{Axis, Better, Scale};
 pub use dots::{Bar, Bars, Group};
 pub use page::{Figure, Item, Page, Section};
 pub use pattern::{Pattern, Patterns};
-pub use plot::{Before, Mark, Panel, Plot, Quantity, Reference, Series, Style};
+pub use series::{Before, Mark, Panel, Plot, Quantity, Reference, Series, Style};
 pub use table::{Cell, Column, Table};
 
 /// Any chart.

@@ -3,7 +3,7 @@
 use super::axis::{Axis, Better, Ruler};
 use super::canvas::{BOLD, Canvas, LABEL, LINE, Rect, fitted, through, width};
 use super::label::{self, Wanted};
-use super::plot::{Before, Mark, Panel, Plot, Quantity, Series, Style, joined};
+use super::series::{Before, Mark, Panel, Plot, Quantity, Series, Style, joined};
 use super::shape;
 
 /// A mark in its place.

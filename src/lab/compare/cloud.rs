@@ -3,15 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
+use super::method::{Method, octree};
+use super::options::{CompareOptions, SEED, VIEWS};
 use super::report::SceneReport;
-use super::{Method, Steps, VIEWS, Wishes, conversion, pictures, sampler};
+use super::steps::Steps;
+use super::{conversion, pictures, sampler};
 use crate::format::inputs;
 use crate::lab::sampling::evenness;
 use crate::lab::settings::{MeasureError, Place, Result};
 use crate::lab::synth::Recipe;
-
-/// Of all scenes.
-pub const SEED: u64 = 1;
 
 /// A scene to be made, or a cloud of the user.
 pub enum Cloud {
@@ -19,9 +19,9 @@ pub enum Cloud {
     Own(PathBuf),
 }
 
-pub fn all(wishes: &Wishes) -> Vec<Cloud> {
-    let scenes = wishes.scenes.iter().map(|kind| Cloud::Scene(Recipe::new(*kind, wishes.points, SEED)));
-    scenes.chain(wishes.clouds.iter().cloned().map(Cloud::Own)).collect()
+pub fn all(options: &CompareOptions) -> Vec<Cloud> {
+    let scenes = options.scenes.iter().map(|kind| Cloud::Scene(Recipe::new(*kind, options.points, SEED)));
+    scenes.chain(options.clouds.iter().cloned().map(Cloud::Own)).collect()
 }
 
 impl Cloud {
@@ -33,18 +33,13 @@ impl Cloud {
     }
 }
 
-/// Where a method's octree lies until it is measured.
-pub fn octree(place: &Place, method: Method) -> PathBuf {
-    place.at(&format!("octree of {}", method.name()))
-}
-
-pub fn measure(wishes: &Wishes, cloud: &Cloud, place: &Place, steps: &Steps) -> Result<SceneReport> {
+pub fn measure(options: &CompareOptions, cloud: &Cloud, place: &Place, steps: &Steps) -> Result<SceneReport> {
     let name = cloud.name();
     let path = match cloud {
         Cloud::Scene(recipe) => {
             steps.next(format!("making {name}"));
             let folder = place.at("cloud");
-            wishes.means.synthesise(recipe, &name, &folder)?;
+            options.means.synthesise(recipe, &name, &folder)?;
             folder
         }
         Cloud::Own(path) => {
@@ -54,8 +49,8 @@ pub fn measure(wishes: &Wishes, cloud: &Cloud, place: &Place, steps: &Steps) -> 
     };
     let files = inputs::expand(std::slice::from_ref(&path))?;
     let bytes = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|meta| meta.len()).sum();
-    let (points, mut methods) = conversion::measure(wishes, &name, &path, place, steps)?;
-    let speeds = sampler::measure(wishes, &name, &files, steps)?;
+    let (points, mut methods) = conversion::measure(options, &name, &path, place, steps)?;
+    let speeds = sampler::measure(options, &name, &files, steps)?;
     for (method, speed) in Method::samplers().zip(speeds) {
         let figures = methods.iter_mut().find(|figures| figures.method == method.name());
         figures.into_iter().for_each(|figures| figures.sampler_ns = Some(speed));
@@ -63,12 +58,12 @@ pub fn measure(wishes: &Wishes, cloud: &Cloud, place: &Place, steps: &Steps) -> 
     for (method, figures) in Method::ALL.into_iter().zip(&mut methods) {
         steps.next(format!("{name}: spacing of {}", method.name()));
         figures.even = evenness::total(&evenness::of_levels(&octree(place, method))?);
-        wishes.means.go_on()?;
+        options.means.go_on()?;
     }
     let mut renderers = Vec::new();
     for view in VIEWS {
         steps.next(format!("{name}: pictures, {}", view.0));
-        pictures::measure(wishes, view, place, &mut methods, &mut renderers)?;
+        pictures::measure(options, view, place, &mut methods, &mut renderers)?;
     }
     for method in Method::ALL {
         remove(&octree(place, method))?;

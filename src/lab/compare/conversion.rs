@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::time::Duration;
 
-use super::cloud::octree;
+use super::method::{Method, octree};
+use super::options::CompareOptions;
 use super::report::MethodReport;
-use super::{Method, Steps, Wishes};
+use super::steps::Steps;
 use crate::format::potree::{self, Metadata};
 use crate::lab::process::{Run, spread};
 use crate::lab::sampling::evenness::Evenness;
@@ -14,13 +15,13 @@ use crate::lab::settings::{MeasureError, Place, Result, last_words};
 
 /// Converts a cloud by all methods, whose octrees stay. Returns its points too.
 pub fn measure(
-    wishes: &Wishes,
+    options: &CompareOptions,
     name: &str,
     cloud: &Path,
     place: &Place,
     steps: &Steps,
 ) -> Result<(u64, Vec<MethodReport>)> {
-    let means = &wishes.means;
+    let means = &options.means;
     let mut runs: Vec<Vec<Run>> = vec![Vec::new(); Method::ALL.len()];
     for round in 0..means.rounds {
         for (method, runs) in Method::ALL.into_iter().zip(&mut runs) {

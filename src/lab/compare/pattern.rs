@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Method;
+use super::method::Method;
 use super::report::PatternReport;
 use crate::lab::sampling::evenness;
 use crate::lab::sampling::plane::{Pattern, cutting, pattern, spectrum_of};

@@ -4,9 +4,9 @@
 
 use std::time::Instant;
 
-use super::cloud::octree;
+use super::method::{Method, octree};
+use super::options::{CompareOptions, SIZE};
 use super::report::{FrameReport, MethodReport, PictureReport, RendererReport};
-use super::{Method, SIZE, Wishes};
 use crate::lab::flip;
 use crate::lab::process::spread;
 use crate::lab::settings::{Place, Result};
@@ -59,7 +59,7 @@ fn taken(studio: &mut Studio, stand: Stand, quality: &Quality) -> Result<(Pictur
 /// All pictures of a view; what they come to is added to the methods' and the
 /// renderers' figures.
 pub fn measure(
-    wishes: &Wishes,
+    options: &CompareOptions,
     (name, view): (&str, View),
     place: &Place,
     methods: &mut [MethodReport],
@@ -72,15 +72,15 @@ pub fn measure(
             Some(full) => full,
             None => full.insert(Full::new(&mut studio, view)?),
         };
-        for &budget in &wishes.budgets {
+        for &budget in &options.budgets {
             let (picture, effort) = taken(&mut studio, full.stand, &within(budget))?;
             figures.pictures.push(held_against(full, &picture, name, budget, effort.points));
-            wishes.means.go_on()?;
+            options.means.go_on()?;
         }
     }
     let Some(full) = full else { return Ok(()) };
     for choice in choices() {
-        draw(wishes, name, choice, place, &full, renderers)?;
+        draw(options, name, choice, place, &full, renderers)?;
     }
     Ok(())
 }
@@ -92,7 +92,7 @@ fn choices() -> Vec<Choice> {
 }
 
 fn draw(
-    wishes: &Wishes,
+    options: &CompareOptions,
     name: &str,
     choice: Choice,
     place: &Place,
@@ -112,7 +112,7 @@ fn draw(
                 let started = Instant::now();
                 picture = Some(studio.draw(&set, &Quality { shading, ..quality.clone() })?);
                 times.push(started.elapsed().as_secs_f64() * 1e3);
-                wishes.means.go_on()?;
+                options.means.go_on()?;
             }
             let Some(picture) = picture else { continue };
             let picture = held_against(full, &picture, name, budget, set.effort().points);

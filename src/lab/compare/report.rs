@@ -6,7 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Method, Wishes, machine};
+use super::machine;
+use super::method::Method;
+use super::options::{CompareOptions, SEED};
 use crate::lab::process::Spread;
 use crate::lab::sampling::evenness::Evenness;
 use crate::lab::sampling::spectrum::Spectrum;
@@ -101,16 +103,16 @@ pub struct FrameReport {
 }
 
 impl Report {
-    pub fn new(wishes: &Wishes) -> Report {
+    pub fn new(options: &CompareOptions) -> Report {
         Report {
             format: FORMAT,
             version: env!("CARGO_PKG_VERSION").to_string(),
-            commit: machine::commit(&wishes.means.program),
+            commit: machine::commit(&options.means.program),
             machine: machine::words(),
-            threads: wishes.means.threads,
-            rounds: wishes.means.rounds,
-            seed: super::cloud::SEED,
-            budgets: wishes.budgets.clone(),
+            threads: options.means.threads,
+            rounds: options.means.rounds,
+            seed: SEED,
+            budgets: options.budgets.clone(),
             patterns: Vec::new(),
             scenes: Vec::new(),
         }

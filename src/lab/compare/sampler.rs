@@ -4,7 +4,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::{Method, Steps, Wishes};
+use super::method::Method;
+use super::options::CompareOptions;
+use super::steps::Steps;
 use crate::format::las::LasFile;
 use crate::lab::process::{Spread, spread};
 use crate::lab::settings::Result;
@@ -20,18 +22,23 @@ const MOST: usize = 4_000_000;
 const SLICE: u32 = 1 << 20;
 
 /// Nanoseconds a point of each sampler, in the order of [`Method::samplers`].
-pub fn measure(wishes: &Wishes, name: &str, files: &[PathBuf], steps: &Steps) -> Result<Vec<Spread>> {
+pub fn measure(
+    options: &CompareOptions,
+    name: &str,
+    files: &[PathBuf],
+    steps: &Steps,
+) -> Result<Vec<Spread>> {
     let (cube, items) = first_points(files)?;
     let mut spent: Vec<Vec<f64>> = vec![Vec::new(); Method::samplers().count()];
-    for round in 0..wishes.means.rounds {
-        steps.next(format!("{name}: samplers alone, round {} of {}", round + 1, wishes.means.rounds));
+    for round in 0..options.means.rounds {
+        steps.next(format!("{name}: samplers alone, round {} of {}", round + 1, options.means.rounds));
         for (method, spent) in Method::samplers().zip(&mut spent) {
             let mut sampler = Timed { sampler: method.sampling.sampler(cube.slack()), spent: Duration::ZERO };
             let (mut items, mut spare) = (items.clone(), items.clone());
             let mut builder = Builder::new(cube.bits, LEAF_LIMIT, &mut sampler, Nowhere);
             let Ok(_) = builder.build(NodeKey::ROOT, &mut items, &mut spare);
             spent.push(sampler.spent.as_secs_f64() * 1e9 / items.len().max(1) as f64);
-            wishes.means.go_on()?;
+            options.means.go_on()?;
         }
     }
     Ok(spent.into_iter().map(|spent| spread(spent.into_iter())).collect())

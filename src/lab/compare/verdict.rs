@@ -2,7 +2,7 @@
 //! charts speak for.
 
 use super::report::{MethodReport, Report, SceneReport};
-use crate::verify::grouped;
+use crate::words::grouped;
 
 /// Share of the samples that may have one of another node too near.
 pub const MOST_ACROSS: f64 = 0.0005;

@@ -1,6 +1,6 @@
 //! The scenes of the table.
 
-use super::Wishes;
+use super::options::StabilityOptions;
 use crate::lab::synth::{Kind, Recipe};
 
 /// A scene and what it is called.
@@ -27,15 +27,15 @@ impl Case {
 
 /// What was wished for, by the number of points, so that the benign scene is
 /// made once for each.
-pub fn wished(wishes: &Wishes) -> Vec<Case> {
-    let points = wishes.points;
+pub fn wished(options: &StabilityOptions) -> Vec<Case> {
+    let points = options.points;
     let mut cases: Vec<Case> = Kind::ALL.map(|kind| Case::of(kind, points)).into();
     let duplicates = Recipe::new(Kind::Duplicates, points, 1);
     cases.push(Case::called("duplicates, pairs", Recipe { twins: true, ..duplicates }));
     cases.push(Case::called("duplicates, 99 %", Recipe { share: 0.99, ..duplicates }));
     let town = Recipe::new(Kind::Town, points, 1);
     cases.push(Case::called("town, 1 cm in 10 km", Recipe { teapot: true, ..town }));
-    if wishes.full {
+    if options.full {
         let outliers = Recipe::new(Kind::Outliers, 20_000_000, 1);
         cases.push(Case::called("outliers", outliers));
         cases.push(Case::called("outliers, 780 km", Recipe { span: 780.0, ..outliers }));
@@ -49,6 +49,6 @@ pub fn wished(wishes: &Wishes) -> Vec<Case> {
             Recipe { share: 1.0, ..Recipe::new(Kind::Duplicates, 40_000_000, 1) },
         ));
     }
-    cases.retain(|case| wishes.scenes.is_empty() || wishes.scenes.contains(&case.recipe.kind));
+    cases.retain(|case| options.scenes.is_empty() || options.scenes.contains(&case.recipe.kind));
     cases
 }

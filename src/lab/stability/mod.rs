@@ -7,42 +7,19 @@
 
 mod cases;
 mod depth;
+mod options;
 mod page;
 mod row;
 
 use serde::Serialize;
 
-use super::settings::{Means, Place, Result, Step};
+use super::settings::{Place, Result, Step};
 use crate::convert::options::Sampling;
-use crate::lab::synth::Kind;
 use cases::Case;
+pub use options::StabilityOptions;
 pub use page::{markdown, plain};
 pub use row::Row;
-
-/// What lies in the folder for temporary files.
-const BENIGN: &str = "benign";
-const CLOUD: &str = "cloud";
-const OCTREE: &str = "octree";
-const WORDS: &str = "words";
-const VERDICT: &str = "verdict";
-
-/// Most that a scene may cost, in multiples of the benign one.
-pub const MOST_TIME: f64 = 2.0;
-pub const MOST_MEMORY: f64 = 1.5;
-/// Levels that an octree may have below what the cloud asks for.
-pub const MOST_LEVELS: u32 = 1;
-
-/// What is to be measured, and by what means.
-#[derive(Debug, Clone)]
-pub struct Wishes {
-    pub means: Means,
-    /// Points of every scene.
-    pub points: u64,
-    /// Also the failing scenes as large as the papers have them.
-    pub full: bool,
-    /// Only these scenes; all where empty.
-    pub scenes: Vec<Kind>,
-}
+use row::{BENIGN, CLOUD};
 
 #[derive(Debug, Serialize)]
 pub struct Table {
@@ -54,11 +31,11 @@ pub struct Table {
 
 /// Measures all scenes that are wished for. `say` is told before each step;
 /// `shown` gets each row when it is there.
-pub fn measure(wishes: &Wishes, say: &dyn Fn(Step), shown: &dyn Fn(&Row)) -> Result<Table> {
-    let cases = cases::wished(wishes);
+pub fn measure(options: &StabilityOptions, say: &dyn Fn(Step), shown: &dyn Fn(&Row)) -> Result<Table> {
+    let cases = cases::wished(options);
     let samplings = [Sampling::Poisson, Sampling::Random];
     let of = cases.len() * samplings.len();
-    let means = &wishes.means;
+    let means = &options.means;
     let place = Place::new(means)?;
     let mut table = Table {
         version: env!("CARGO_PKG_VERSION"),

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
-use super::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Row, Table};
-use crate::verify::grouped;
+use super::Table;
+use super::row::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Row};
+use crate::words::grouped;
 
 /// A row as a line of a terminal.
 pub fn plain(row: &Row) -> String {

@@ -9,11 +9,23 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::cases::Case;
-use super::{BENIGN, CLOUD, MOST_LEVELS, MOST_MEMORY, MOST_TIME, OCTREE, VERDICT, WORDS};
 use crate::convert::options::Sampling;
 use crate::format::potree::{self, Metadata};
 use crate::lab::process::{self, Ended, Run, spread};
 use crate::lab::settings::{Means, MeasureError, Place, Result, last_words};
+
+/// What lies in the folder for temporary files.
+pub(super) const BENIGN: &str = "benign";
+pub(super) const CLOUD: &str = "cloud";
+pub(super) const OCTREE: &str = "octree";
+pub(super) const WORDS: &str = "words";
+pub(super) const VERDICT: &str = "verdict";
+
+/// Most that a scene may cost, in multiples of the benign one.
+pub(super) const MOST_TIME: f64 = 2.0;
+pub(super) const MOST_MEMORY: f64 = 1.5;
+/// Levels that an octree may have below what the cloud asks for.
+pub(super) const MOST_LEVELS: u32 = 1;
 
 /// What became of a scene. Costs are medians; "times" is the multiple of what
 /// the benign scene took in the same minutes.

@@ -6,7 +6,7 @@ use std::slice;
 use crate::lab::chart::{Axis, Before, Figure, Item, Mark, Panel, Plot, Section, Series, Style};
 use crate::lab::compare::pictures::{BEST, PLAINEST};
 use crate::lab::compare::report::{FrameReport, Report, SceneReport, mean};
-use crate::verify::grouped;
+use crate::words::grouped;
 
 pub fn section(report: &Report, before: Option<&Report>) -> Section {
     // The mean over the views, a mark a budget.

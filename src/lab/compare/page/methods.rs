@@ -4,7 +4,7 @@ use crate::lab::chart::{
     Axis, Before, Cell, Column, Figure, Item, Mark, Panel, Plot, Quantity, Section, Series, Table,
 };
 use crate::lab::compare::report::{MethodReport, Report, SceneReport};
-use crate::verify::grouped;
+use crate::words::grouped;
 
 pub fn section(report: &Report, before: Option<&Report>) -> Section {
     let mut items = vec![Item::Text(

@@ -7,7 +7,7 @@ mod samples;
 use super::report::Report;
 use super::verdict::{Finding, findings};
 use crate::lab::chart::{Chart, Page};
-use crate::verify::grouped;
+use crate::words::grouped;
 
 /// The page of a report, beside an earlier one where there is one.
 pub fn page(report: &Report, before: Option<&Report>) -> Page {
