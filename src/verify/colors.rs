@@ -1,76 +1,20 @@
-//! Averaged colours of coarse levels. A point then has two colours, its own and a
+//! Averaged colors of coarse levels. A point then has two colors, its own and a
 //! mean; the input is held against its own, wherever that stands. Of a mean the
-//! octree alone tells that it lies within the range of the cloud's colours, and
+//! octree alone tells that it lies within the range of the cloud's colors, and
 //! that a leaf's points, which are all that there is in their place, have none but
 //! their own.
 
+use super::color_attributes::ColorAttributes;
 use super::octree::Octree;
 use super::recomputed_statistics::Tally;
-use super::report::{Check, Findings, grouped};
-use crate::format::potree::{Kind, Metadata, Node};
-use crate::octree::attribute::{Scalar, Schema};
-
-/// The attribute of a point's own colour, and that of its mean, by what
-/// metadata.json says of the octree.
-const KINDS: [(&str, &str, &str); 2] =
-    [("attribute", "rgb", "rgb average"), ("average", "rgb original", "rgb")];
-
-/// Where records have both.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Colours {
-    pub own: &'static str,
-    pub mean: &'static str,
-    own_at: usize,
-    mean_at: usize,
-}
-
-/// Bytes of a colour.
-const SIZE: usize = 6;
-
-fn said(metadata: &Metadata) -> Option<&str> {
-    metadata.generator.as_ref()?.lod_color.as_deref()
-}
-
-/// Whether the octree has the attributes that it says it has.
-pub fn are_there(metadata: &Metadata) -> bool {
-    let Some(said) = said(metadata) else { return true };
-    let is_there = |name: &str| {
-        let found = metadata.attributes.iter().find(|attribute| attribute.name == name);
-        found.is_some_and(|attribute| (attribute.kind, attribute.num_elements) == (Kind::Uint16, 3))
-    };
-    KINDS.iter().any(|(kind, own, mean)| *kind == said && is_there(own) && is_there(mean))
-}
-
-impl Colours {
-    /// `None` where the octree does not say that colours were averaged, or lacks
-    /// the attributes.
-    pub fn of(metadata: &Metadata, schema: &Schema) -> Option<Colours> {
-        let said = said(metadata)?;
-        let (_, own, mean) = KINDS.into_iter().find(|(kind, ..)| *kind == said)?;
-        let place = |name: &str| {
-            let attribute = schema.attributes.iter().find(|attribute| attribute.name == name)?;
-            let fits = (attribute.scalar, attribute.elements) == (Scalar::U16, 3);
-            fits.then(|| schema.offset_of(name)).flatten()
-        };
-        Some(Colours { own, mean, own_at: place(own)?, mean_at: place(mean)? })
-    }
-
-    /// A copy of records without the means, which no input has.
-    pub fn without_means(&self, records: &[u8], record_size: usize, into: &mut Vec<u8>) {
-        into.clear();
-        into.extend_from_slice(records);
-        into.chunks_exact_mut(record_size).for_each(|r| r[self.mean_at..self.mean_at + SIZE].fill(0));
-    }
-
-    fn is_own(&self, record: &[u8]) -> bool {
-        record[self.own_at..self.own_at + SIZE] == record[self.mean_at..self.mean_at + SIZE]
-    }
-}
+use super::report::{Check, Findings};
+use crate::format::potree::Node;
+use crate::words::grouped;
 
 /// What a walk over the nodes finds; adds up in any order.
 #[derive(Debug, Clone, Default)]
 pub struct Means {
-    /// Points of leaves with a mean that is not their own colour.
+    /// Points of leaves with a mean that is not their own color.
     foreign: Findings,
     leaves: u64,
 }
@@ -83,20 +27,20 @@ impl Means {
 
     /// Takes in records of a node.
     pub fn add(&mut self, octree: &Octree, (index, node): (usize, &Node), records: &[u8]) {
-        let Some(colours) = octree.colours.as_ref().filter(|_| node.child_mask == 0) else { return };
+        let Some(colors) = octree.colors.as_ref().filter(|_| node.child_mask == 0) else { return };
         let points = records.chunks_exact(octree.schema.record_size());
         self.leaves += points.len() as u64;
-        let foreign = points.filter(|record| !colours.is_own(record)).count() as u64;
+        let foreign = points.filter(|record| !colors.is_own(record)).count() as u64;
         if foreign > 0 {
-            let Colours { own, mean, .. } = colours;
+            let ColorAttributes { own, mean, .. } = colors;
             let text = || format!("{}: '{mean}' of {} is not '{own}'", node.name, grouped(foreign));
             self.foreign.add_many(foreign, index, text);
         }
     }
 
-    /// What there is to say, where colours were averaged.
+    /// What there is to say, where colors were averaged.
     pub fn check(mut self, octree: &Octree, tally: &Tally) -> Option<Check> {
-        let Colours { own, mean, .. } = octree.colours.as_ref()?;
+        let ColorAttributes { own, mean, .. } = octree.colors.as_ref()?;
         let column = |name: &str| {
             let columns = octree.schema.attributes.iter().zip(tally.columns());
             columns.filter(|(attribute, _)| attribute.name == name).map(|(_, column)| column).next()
@@ -119,7 +63,7 @@ impl Means {
 
 /// What the comparison with the inputs leaves out.
 pub fn note(octree: &Octree) -> Option<Check> {
-    let Colours { own, mean, .. } = octree.colours.as_ref()?;
+    let ColorAttributes { own, mean, .. } = octree.colors.as_ref()?;
     let text = match *own {
         "rgb" => format!("'{mean}' holds averages, which no input has; 'rgb' was compared"),
         _ => format!("'{mean}' holds averages; the originals are in '{own}', which was compared"),
@@ -133,17 +77,17 @@ mod tests {
     use super::super::{Outcome, Report, Request, Spacing, verify};
     use super::*;
     use crate::format::potree::Encoding;
-    use crate::octree::attribute::Attribute;
+    use crate::octree::attribute::{Attribute, Scalar, Schema};
 
-    /// Averages stand behind position and colour.
+    /// Averages stand behind position and color.
     const MEAN: usize = 18;
 
-    /// An octree whose averages are all their points' own colours, as they are
+    /// An octree whose averages are all their points' own colors, as they are
     /// where neighbours have the same.
     fn averaged() -> Draft {
-        let colour = |name: &str| Attribute::new(name, Scalar::U16, 3);
+        let color = |name: &str| Attribute::new(name, Scalar::U16, 3);
         let position = schema().attributes.remove(0);
-        let two = Schema { attributes: vec![position, colour("rgb"), colour("rgb average")] };
+        let two = Schema { attributes: vec![position, color("rgb"), color("rgb average")] };
         let record = |i: u32| {
             let place = [i * 7919 % 4096, i * 5309 % 4096, i * 3461 % 64];
             let own = [100 + i as u16 % 50, 200, 300];

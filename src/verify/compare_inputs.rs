@@ -12,14 +12,16 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::Request;
 use super::colors;
 use super::digest::{Sum, bucket_of, digest, passes};
+use super::error::VerifyError;
 use super::inputs::{self, Block};
 use super::octree::{Octree, position};
 use super::promises;
-use super::report::{Check, Comparison, EXAMPLES, PositionError, grouped, plural};
-use super::{VerifyError, value};
+use super::report::{Check, Comparison, EXAMPLES, PositionError, plural};
+use super::request::Request;
+use super::value;
+use crate::words::grouped;
 
 /// Hashes of a pass: each takes 16 bytes, twice while parts are put together,
 /// and half of the memory is for the blocks in work.
@@ -114,7 +116,7 @@ pub fn compare(
 
 /// Averages come from no input.
 fn compared_attributes(octree: &Octree) -> usize {
-    octree.schema.attributes.len() - usize::from(octree.colours.is_some())
+    octree.schema.attributes.len() - usize::from(octree.colors.is_some())
 }
 
 fn points(

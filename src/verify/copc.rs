@@ -8,19 +8,22 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use super::digest::Sum;
-use super::octree::{Octree, entry_of};
-use super::report::{Check, Findings, Outcome, Report, grouped};
-use super::{Request, VerifyError, compare_inputs, inputs, structure};
+use super::error::VerifyError;
+use super::octree::{self, Octree, entry_of};
+use super::report::{Check, Findings, Outcome, Report};
+use super::request::Request;
+use super::{compare_inputs, inputs};
 use crate::format::copc::hierarchy::name;
 use crate::format::copc::{CopcError, CopcFile, Entry};
 use crate::octree::node::NodeKey;
+use crate::words::grouped;
 
 /// Checks a COPC file, on the threads of the current rayon pool.
 pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyError> {
     let file = match CopcFile::open(&request.octree, request.memory_limit) {
         Ok(file) => file,
         Err(error @ (CopcError::Damaged { .. } | CopcError::Las(_))) => {
-            let mut report = super::empty(request, None);
+            let mut report = Report::empty(request, None);
             report.checks.push(Check::wrong("file", error.to_string()));
             report.checks.push(Check::skipped("all else", "rests on what cannot be read"));
             return Ok(report);
@@ -28,12 +31,12 @@ pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyErro
         Err(error) => return Err(error.into()),
     };
     let mut octree = Octree::of_copc(file, request.memory_limit);
-    let Some(file) = octree.copc() else { return Ok(super::empty(request, None)) };
-    let mut report = super::empty(request, Some(&octree.metadata));
+    let Some(file) = octree.copc() else { return Ok(Report::empty(request, None)) };
+    let mut report = Report::empty(request, Some(&octree.metadata));
     report.encoding = format!("LAZ of point format {}", file.front.format());
     report.nodes = octree.nodes.len() as u64;
-    report.depth = structure::depth(&octree.nodes);
-    report.points = structure::points(&octree.nodes);
+    report.depth = octree::depth(&octree.nodes);
+    report.points = octree::points(&octree.nodes);
     report.bytes = file.bytes();
     report.checks.extend([header(file), pages(file), bytes(file)]);
     report.checks.extend(readers::notes(file));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::VerifyError;
+use super::error::VerifyError;
 use super::mapping::{Converted, Mapping};
 use super::octree::Octree;
 use crate::format::las::{GpsTime, LasFile, Slice};

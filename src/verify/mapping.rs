@@ -223,7 +223,7 @@ pub struct Converted {
 
 impl Mapping {
     pub fn new(header: &Header, octree: &Octree) -> Mapping {
-        let Octree { metadata, schema, colours, .. } = octree;
+        let Octree { metadata, schema, colors, .. } = octree;
         let axis =
             |a: usize| Axis::new(header.scale[a], header.offset[a], metadata.scale[a], metadata.offset[a]);
         let mut mapping = Mapping {
@@ -238,7 +238,7 @@ impl Mapping {
             record_size: schema.record_size(),
         };
         for Field(name, scalar, elements, source) in standard_fields(header.point_format) {
-            let name = colours.as_ref().filter(|_| name == "rgb").map_or(name, |colours| colours.own);
+            let name = colors.as_ref().filter(|_| name == "rgb").map_or(name, |colors| colors.own);
             match schema.attributes.iter().find(|a| a.name == name) {
                 Some(a) if (a.scalar, a.elements) == (scalar, elements) => mapping.take(schema, name, source),
                 Some(_) => mapping.mistyped.push(name.to_string()),

@@ -8,9 +8,8 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::colors::Colours;
+use super::color_attributes::ColorAttributes;
 use super::limits::{self, Purse};
-use super::structure;
 use crate::format::copc::{CopcCube, CopcError, CopcFile, Entry, hierarchy};
 use crate::format::las::LasFile;
 use crate::format::potree::Generator;
@@ -33,8 +32,8 @@ const MOST_REPORT: u64 = 64 << 20;
 pub struct Octree {
     pub metadata: Metadata,
     pub schema: Schema,
-    /// The two colours of a point, where coarse levels are averaged.
-    pub colours: Option<Colours>,
+    /// The two colors of a point, where coarse levels are averaged.
+    pub colors: Option<ColorAttributes>,
     /// Sorted by name.
     pub nodes: Vec<Node>,
     pub oddities: Vec<potree::hierarchy::Oddity>,
@@ -113,13 +112,13 @@ impl Octree {
         let (file, bytes) = files::open(folder, potree::OCTREE)?;
         let (set_aside, dropped) = (set_aside(folder), dropped(folder));
         let (metadata, readable) = (metadata.clone(), HashMap::new());
-        let colours = Colours::of(&metadata, &schema);
+        let colors = ColorAttributes::of(&metadata, &schema);
         let left_out = limits::left_out(&metadata, &schema, &nodes, &files::holes(&file, bytes), bytes);
         let purse = Purse::new((memory_limit / 2).max(LEAST_PURSE));
         Ok(Octree {
             metadata,
             schema,
-            colours,
+            colors,
             nodes,
             oddities,
             bytes,
@@ -142,9 +141,9 @@ impl Octree {
             false => (Vec::new(), 0),
         };
         let nodes = copc_nodes(&file);
-        let metadata = copc_metadata(&file, &folder, structure::depth(&nodes));
+        let metadata = copc_metadata(&file, &folder, depth(&nodes));
         Octree {
-            colours: Colours::of(&metadata, &schema),
+            colors: ColorAttributes::of(&metadata, &schema),
             metadata,
             schema,
             nodes,
@@ -184,8 +183,8 @@ impl Octree {
 
     /// Records as they are to be compared with those of the inputs.
     pub fn compared<'r>(&self, records: &'r [u8], buffer: &'r mut Vec<u8>) -> &'r [u8] {
-        let Some(colours) = &self.colours else { return records };
-        colours.without_means(records, self.schema.record_size(), buffer);
+        let Some(colors) = &self.colors else { return records };
+        colors.without_means(records, self.schema.record_size(), buffer);
         buffer
     }
 
@@ -319,4 +318,14 @@ fn left_out(folder: &Path) -> Vec<String> {
 /// The position at the front of a record.
 pub fn position(record: &[u8]) -> [i32; 3] {
     std::array::from_fn(|i| record[4 * i..].first_chunk().map_or(0, |bytes| i32::from_le_bytes(*bytes)))
+}
+
+/// Level of the deepest node; the root's is 0.
+pub fn depth(nodes: &[Node]) -> u32 {
+    nodes.iter().map(|node| u32::from(node.name.level())).max().unwrap_or(0)
+}
+
+/// Points that nodes hold together.
+pub fn points(nodes: &[Node]) -> u64 {
+    nodes.iter().map(|node| u64::from(node.points)).sum()
 }

@@ -10,10 +10,12 @@ use super::cube::Cube;
 use super::digest::Sum;
 use super::octree::{Octree, position};
 use super::recomputed_statistics::Tally;
-use super::report::{Check, Findings, grouped};
+use super::report::{Check, Findings};
+use super::request::Spacing;
 use super::spacing::{self, Limit};
 use super::structure::is_ours;
 use crate::format::potree::{MetadataAttribute, Node, attribute_entry};
+use crate::words::grouped;
 
 /// Which rule inner nodes are held to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -232,18 +234,6 @@ impl Walk {
         let fine = format!("{fine} in {nodes} inner nodes with {points} points");
         Check::of("spacing", self.crowded.clone(), fine, wrong)
     }
-}
-
-/// Whether the rule of sampling is a must.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum Spacing {
-    /// A must for octrees that Lodestone made.
-    #[default]
-    Auto,
-    /// A must.
-    Require,
-    /// Only told.
-    Report,
 }
 
 /// The statistics of metadata.json beside those of the points.

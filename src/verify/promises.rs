@@ -9,7 +9,8 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::report::{Check, EXAMPLES, grouped, plural};
+use super::report::{Check, EXAMPLES, plural};
+use crate::words::grouped;
 
 /// Records behind the found points that are looked at.
 const SAMPLES: u64 = 1000;

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::words::Plain;
+use super::request::Request;
+use crate::format::potree::{Encoding, Metadata};
+use crate::words::{Plain, grouped};
 
 /// How many examples of a fault are kept.
 pub const EXAMPLES: usize = 5;
@@ -154,6 +156,23 @@ impl Findings {
 }
 
 impl Report {
+    /// A report that has checked nothing yet.
+    pub fn empty(request: &Request, metadata: Option<&Metadata>) -> Report {
+        Report {
+            octree: request.octree.clone(),
+            ok: false,
+            name: metadata.map_or(String::new(), |m| m.name.clone()),
+            encoding: metadata.map_or("", |m| encoding_in_words(m.encoding)).to_string(),
+            points: 0,
+            nodes: 0,
+            depth: 0,
+            bytes: 0,
+            checks: Vec::new(),
+            against: None,
+            seconds: 0.0,
+        }
+    }
+
     /// Points that are missing because that was asked for.
     pub fn dropped(&self) -> u64 {
         self.against.as_ref().map_or(0, |against| against.dropped.min(against.missing))
@@ -217,17 +236,12 @@ fn write_checks(f: &mut fmt::Formatter<'_>, checks: &[Check]) -> fmt::Result {
     Ok(())
 }
 
-/// A number with its digits in groups of three.
-pub fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
+/// Bytes a point, as told in the report.
+fn encoding_in_words(encoding: Encoding) -> &'static str {
+    match encoding {
+        Encoding::Default => "DEFAULT",
+        Encoding::Brotli => "BROTLI",
     }
-    text
 }
 
 pub fn plural<'a>(count: u64, one: &'a str, many: &'a str) -> &'a str {

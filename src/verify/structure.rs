@@ -1,11 +1,12 @@
 //! What can be checked without the points: metadata, hierarchy, byte ranges,
 //! counts.
 
-use super::colors;
-use super::octree::Octree;
-use super::report::{Check, Findings, grouped, plural};
+use super::color_attributes;
+use super::octree::{Octree, depth, points};
+use super::report::{Check, Findings, plural};
 use crate::format::potree::hierarchy::Oddity;
-use crate::format::potree::{Encoding, Metadata, Node};
+use crate::format::potree::{Metadata, Node};
+use crate::words::grouped;
 
 /// Whether Lodestone made it, so that its rules bind.
 pub fn is_ours(metadata: &Metadata) -> bool {
@@ -35,7 +36,10 @@ pub fn metadata(metadata: &Metadata) -> Check {
     let names: Vec<&str> = metadata.attributes.iter().map(|a| a.name.as_str()).collect();
     let doubled = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
     must(doubled.is_none(), "two attributes have the same name");
-    must(colors::are_there(metadata), "the averaged colours that it speaks of are not among the attributes");
+    must(
+        color_attributes::are_there(metadata),
+        "the averaged colours that it speaks of are not among the attributes",
+    );
     let ratio = (sides[0] / metadata.spacing).round();
     let attributes = metadata.attributes.len();
     let fine = format!("{attributes} attributes; cube of {:.3}, root spacing 1/{ratio} of it", sides[0]);
@@ -87,10 +91,6 @@ fn in_words(oddity: &Oddity) -> String {
     }
 }
 
-pub fn depth(nodes: &[Node]) -> u32 {
-    nodes.iter().map(|node| u32::from(node.name.level())).max().unwrap_or(0)
-}
-
 /// Every byte of octree.bin belongs to exactly one node, and every node's bytes
 /// are in it and as many as its points take.
 pub fn bytes(octree: &Octree) -> Check {
@@ -134,17 +134,5 @@ pub fn counts(octree: &Octree) -> Check {
             "points",
             format!("metadata.json says {} points, the nodes hold {}", grouped(said), grouped(sum)),
         ),
-    }
-}
-
-pub fn points(nodes: &[Node]) -> u64 {
-    nodes.iter().map(|node| u64::from(node.points)).sum()
-}
-
-/// Bytes a point, as told in the report.
-pub fn encoding_in_words(encoding: Encoding) -> &'static str {
-    match encoding {
-        Encoding::Default => "DEFAULT",
-        Encoding::Brotli => "BROTLI",
     }
 }
