@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Where a unit's samples along its border are: in memory, or out of core in the
 /// scratch.
 #[derive(Debug, Clone)]
-pub enum Kept {
+pub enum StoredBorder {
     Memory(Vec<Rim>),
     Scratch(Span),
 }
@@ -42,7 +42,7 @@ pub struct Halos {
 
 #[derive(Default)]
 struct State {
-    kept: Vec<Option<Kept>>,
+    kept: Vec<Option<StoredBorder>>,
     failed: bool,
 }
 
@@ -92,9 +92,9 @@ impl Turn<'_> {
         let mut rims = Vec::new();
         for (unit, _) in nodes[..self.unit].iter().enumerate().filter(|(_, node)| touch(*bits, own, **node)) {
             let kept = match (self.wait(unit, cancel)?, scratch) {
-                (Kept::Memory(kept), _) => kept,
-                (Kept::Scratch(span), Some(scratch)) => from_bytes(&scratch.fetch(span)?)?,
-                (Kept::Scratch(_), None) => {
+                (StoredBorder::Memory(kept), _) => kept,
+                (StoredBorder::Scratch(span), Some(scratch)) => from_bytes(&scratch.fetch(span)?)?,
+                (StoredBorder::Scratch(_), None) => {
                     return Err(StageError::Inconsistent("samples of a border are nowhere".into()));
                 }
             };
@@ -103,7 +103,7 @@ impl Turn<'_> {
         Ok(rims)
     }
 
-    fn wait(&self, unit: usize, cancel: &Cancel) -> Result<Kept> {
+    fn wait(&self, unit: usize, cancel: &Cancel) -> Result<StoredBorder> {
         let mut state = self.halos.lock();
         loop {
             // What failed elsewhere is told there.
@@ -119,7 +119,7 @@ impl Turn<'_> {
     }
 
     /// The unit is done, and this is its border.
-    pub fn done(mut self, kept: Kept) {
+    pub fn done(mut self, kept: StoredBorder) {
         self.done = true;
         self.halos.lock().kept[self.unit] = Some(kept);
         self.halos.changed.notify_all();
@@ -226,11 +226,11 @@ mod tests {
                 let turn = halos.turn(2);
                 let around = turn.around(5, &cancel).unwrap();
                 assert_eq!(waited.load(Ordering::SeqCst), 1);
-                turn.done(Kept::Memory(Vec::new()));
+                turn.done(StoredBorder::Memory(Vec::new()));
                 around
             });
             waited.store(1, Ordering::SeqCst);
-            first.done(Kept::Memory(vec![rim.clone(), deep]));
+            first.done(StoredBorder::Memory(vec![rim.clone(), deep]));
             // That which does not touch it (unit 1) was not there yet.
             assert_eq!(last.join().unwrap(), vec![rim]);
         });

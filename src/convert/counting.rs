@@ -5,37 +5,22 @@
 
 use std::sync::Mutex;
 
-use serde::{Deserialize, Serialize};
-
 use super::checkpoint::receipt::Receipt;
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::guards::outliers::Region;
+use super::free_space::check_free_space;
 use super::options::Mode;
-use super::staging::check_room;
-use super::survey::{Kept, Unit};
+use super::values::coordinate_frame::CoordinateFrame;
+use super::values::counting_result::{CountingResult, FileStatistics};
+use super::values::inlier_region::Region;
+use super::values::input_slice::{CachedRecords, InputSlice};
 use super::workers;
 use crate::format::las::{LasFile, returns_of};
-use crate::format::potree;
 use crate::octree::chunk_plan;
 use crate::octree::counting_grid::Census;
-use crate::octree::cube::Cube;
-use crate::octree::lattice::{self, Lattice, Requantise, SourceGrid};
+use crate::octree::lattice::SourceGrid;
 use crate::octree::record;
-
-/// What the passes over the points find: enough to go on without them.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct Findings {
-    /// For every input.
-    pub found: Vec<Found>,
-    pub census: Census,
-    /// The part of the cloud that goes into the octree.
-    pub region: Region,
-    /// Where headers were not believed.
-    pub repairs: Vec<String>,
-    pub notes: Vec<String>,
-}
 
 /// The grid a header claims; harmless where it lies, since what is found
 /// decides.
@@ -44,32 +29,15 @@ fn hinted_grid(file: &LasFile) -> SourceGrid {
     SourceGrid::around(h.scale, h.offset, h.min, h.max)
 }
 
-/// What a census stands on.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Base {
-    pub lattice: Lattice,
-    /// For every input.
-    pub requantise: Vec<Requantise>,
-    pub cube: Cube,
-}
-
-impl Base {
-    fn new(grids: &[SourceGrid]) -> Base {
-        let (lattice, requantise) = lattice::choose(grids, potree::morton::viewer_may_misread);
-        let cube = Cube::around(&lattice);
-        Base { lattice, requantise, cube }
-    }
-}
-
 /// A census on its base.
 struct Counting {
-    base: Base,
+    base: CoordinateFrame,
     census: Census,
 }
 
 impl Counting {
     fn new(grids: &[SourceGrid], points: u64) -> Counting {
-        let base = Base::new(grids);
+        let base = CoordinateFrame::new(grids);
         let (cube, lattice) = (&base.cube, &base.lattice);
         let (min, max) = (cube.tree(lattice.min), cube.tree(lattice.max));
         let census = Census::new(cube.bits, min, max, chunk_plan::census_cells(points));
@@ -77,35 +45,21 @@ impl Counting {
     }
 }
 
-/// What the first pass finds in one file.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Found {
-    pub grid: SourceGrid,
-    /// All records ORed: which bytes are ever used.
-    pub ored: Vec<u8>,
-    /// All of its points, outliers too, by return.
-    pub returns: [u64; 16],
-    /// Of those, points with a coordinate at a limit of 32-bit integers.
-    pub saturated: u64,
+/// Whether the header counts other returns than there are. One that counts
+/// none says nothing; nor can one be right for points that are missing.
+fn belies_returns(found: &FileStatistics, file: &LasFile) -> bool {
+    let header = file.header();
+    let said = header.returns.iter().zip(&found.returns[1..]);
+    header.missing == 0 && said.into_iter().any(|(said, counted)| said != counted)
 }
 
-impl Found {
-    /// Whether the header counts other returns than there are. One that counts
-    /// none says nothing; nor can one be right for points that are missing.
-    fn belies_returns(&self, file: &LasFile) -> bool {
-        let header = file.header();
-        let said = header.returns.iter().zip(&self.returns[1..]);
-        header.missing == 0 && said.into_iter().any(|(said, counted)| said != counted)
-    }
-
-    /// Whether the header's box is another than the points' own. Points that are
-    /// missing may have reached farther, and those that are there may not.
-    fn belies_box(&self, file: &LasFile) -> bool {
-        let (said, there) = (hinted_grid(file), &self.grid);
-        match file.header().missing {
-            0 => said != *there,
-            _ => (0..3).any(|a| there.min[a] < said.min[a] || there.max[a] > said.max[a]),
-        }
+/// Whether the header's box is another than the points' own. Points that are
+/// missing may have reached farther, and those that are there may not.
+fn belies_box(found: &FileStatistics, file: &LasFile) -> bool {
+    let (said, there) = (hinted_grid(file), &found.grid);
+    match file.header().missing {
+        0 => said != *there,
+        _ => (0..3).any(|a| there.min[a] < said.min[a] || there.max[a] > said.max[a]),
     }
 }
 
@@ -115,7 +69,7 @@ fn is_saturated(record: &[u8]) -> bool {
 }
 
 /// Says how many points have coordinates that were cut off, and in which files.
-fn note_saturated(found: &[Found], files: &[LasFile]) -> Option<String> {
+fn note_saturated(found: &[FileStatistics], files: &[LasFile]) -> Option<String> {
     let cut: Vec<_> = found.iter().zip(files).filter(|(found, _)| found.saturated > 0).collect();
     let points: u64 = cut.iter().map(|(found, _)| found.saturated).sum();
     let named: Vec<String> =
@@ -152,9 +106,9 @@ fn tell<'f>(lying: impl Iterator<Item = &'f LasFile>, what: &str, repairs: &mut 
 
 /// A file of which nothing is left has no bounds; those of a point that is left
 /// will do.
-fn fill_in(found: &mut [Found]) {
+fn fill_in(found: &mut [FileStatistics]) {
     let Some(some) = found.iter().find(|f| f.grid.min[0] <= f.grid.max[0]).map(|f| f.grid) else { return };
-    for Found { grid, .. } in found.iter_mut().filter(|f| f.grid.min[0] > f.grid.max[0]) {
+    for FileStatistics { grid, .. } in found.iter_mut().filter(|f| f.grid.min[0] > f.grid.max[0]) {
         let at = std::array::from_fn(|a| {
             let world = f64::from(some.min[a]) * some.scale[a] + some.offset[a];
             ((world - grid.offset[a]) / grid.scale[a]).round() as i32
@@ -166,7 +120,7 @@ fn fill_in(found: &mut [Found]) {
 /// Goes through all units, from memory where they are kept.
 pub struct Counter<'a> {
     pub files: &'a [LasFile],
-    pub units: &'a [Unit],
+    pub units: &'a [InputSlice],
     /// Whether decoded records are to stay in memory.
     pub keep: bool,
     pub scratch: Option<&'a Scratch>,
@@ -182,26 +136,26 @@ const BLOCK: usize = 2048;
 
 impl Counter<'_> {
     /// Goes through the points as often as it takes, unless an earlier run has.
-    pub fn findings(mut self, points: u64) -> Result<(Findings, Base)> {
+    pub fn findings(mut self, points: u64) -> Result<(CountingResult, CoordinateFrame)> {
         if let Some(scratch) = self.scratch {
             for (unit, _) in self.units.iter().zip(0..).filter(|(_, n)| scratch.past.has_records(*n)) {
-                *unit.kept() = Kept::Scratch;
+                *unit.kept() = CachedRecords::Scratch;
             }
             if let Some(findings) = scratch.take_findings() {
                 let grids: Vec<SourceGrid> = findings.found.iter().map(|f| f.grid).collect();
-                return Ok((findings, Base::new(&grids)));
+                return Ok((findings, CoordinateFrame::new(&grids)));
             }
-            check_room(&self.context.disk, &scratch.folder, self.missing_in(scratch)?)?;
+            check_free_space(&self.context.disk, &scratch.folder, self.missing_in(scratch)?)?;
         }
         let hints: Vec<SourceGrid> = self.files.iter().map(hinted_grid).collect();
         let (mut found, mut counting) = self.fit(&hints, points)?;
         let mut repairs = Vec::new();
-        let lying = |belies: fn(&Found, &LasFile) -> bool| {
+        let lying = |belies: fn(&FileStatistics, &LasFile) -> bool| {
             let all = found.iter().zip(self.files);
             all.filter(move |(found, file)| belies(found, file)).map(|(_, file)| file)
         };
-        tell(lying(Found::belies_box), "bounding box is", &mut repairs);
-        tell(lying(Found::belies_returns), "counts by return are", &mut repairs);
+        tell(lying(belies_box), "bounding box is", &mut repairs);
+        tell(lying(belies_returns), "counts by return are", &mut repairs);
         while self.guard != Mode::Keep
             && let Some(kept) = self.region.next(&counting.census, points)
         {
@@ -214,7 +168,7 @@ impl Counter<'_> {
             self.count_again(&counting)?;
         }
         let Counting { base, census } = counting;
-        let findings = Findings { found, census, region: self.region, repairs, notes };
+        let findings = CountingResult { found, census, region: self.region, repairs, notes };
         match self.scratch {
             Some(scratch) => Ok((scratch.surveyed(findings)?, base)),
             None => Ok((findings, base)),
@@ -223,7 +177,7 @@ impl Counter<'_> {
 
     /// Counts on a grid fitted to the points' true bounds, going by hints at
     /// first.
-    fn fit(&mut self, hints: &[SourceGrid], points: u64) -> Result<(Vec<Found>, Counting)> {
+    fn fit(&mut self, hints: &[SourceGrid], points: u64) -> Result<(Vec<FileStatistics>, Counting)> {
         let hinted = Counting::new(hints, points);
         let mut found = self.first_pass(&hinted)?;
         fill_in(&mut found);
@@ -244,18 +198,18 @@ impl Counter<'_> {
     }
 
     /// Counts on the hinted grid and finds the true bounds and used bits.
-    fn first_pass(&mut self, hinted: &Counting) -> Result<Vec<Found>> {
-        let start: Vec<Found> = self
+    fn first_pass(&mut self, hinted: &Counting) -> Result<Vec<FileStatistics>> {
+        let start: Vec<FileStatistics> = self
             .files
             .iter()
             .map(|f| {
                 let h = f.header();
                 let (min, max) = ([i32::MAX; 3], [i32::MIN; 3]);
                 let grid = SourceGrid { scale: h.scale, offset: h.offset, min, max };
-                Found { grid, ored: vec![0; h.record_length], returns: [0; 16], saturated: 0 }
+                FileStatistics { grid, ored: vec![0; h.record_length], returns: [0; 16], saturated: 0 }
             })
             .collect();
-        let found: Vec<Mutex<Found>> = start.into_iter().map(Mutex::new).collect();
+        let found: Vec<Mutex<FileStatistics>> = start.into_iter().map(Mutex::new).collect();
         self.each_unit(|unit, records| {
             let length = self.files[unit.input].header().record_length;
             let requantise = &hinted.base.requantise[unit.input];
@@ -299,7 +253,7 @@ impl Counter<'_> {
         })
     }
 
-    fn each_unit(&self, work: impl Fn(&Unit, &[u8]) -> Result<()> + Sync) -> Result<()> {
+    fn each_unit(&self, work: impl Fn(&InputSlice, &[u8]) -> Result<()> + Sync) -> Result<()> {
         let context = self.context;
         let points = self.units.iter().map(|u| u64::from(u.slice.points)).sum();
         context.progress.begin(Stage::Survey, points);
@@ -308,8 +262,8 @@ impl Counter<'_> {
             let las = &self.files[unit.input];
             let mut kept = unit.kept();
             match (&*kept, self.scratch) {
-                (Kept::Memory(records), _) => work(unit, records)?,
-                (Kept::Scratch, Some(scratch)) => {
+                (CachedRecords::Memory(records), _) => work(unit, records)?,
+                (CachedRecords::Scratch, Some(scratch)) => {
                     buffer.resize(unit.slice.points as usize * las.header().record_length, 0);
                     scratch.runs.read_exact_at(buffer, unit.at)?;
                     work(unit, buffer)?;
@@ -318,7 +272,7 @@ impl Counter<'_> {
                     las.read(unit.slice, buffer)?;
                     work(unit, buffer)?;
                     if self.keep {
-                        *kept = Kept::Memory(std::mem::take(buffer));
+                        *kept = CachedRecords::Memory(std::mem::take(buffer));
                     } else if let Some(scratch) = self.scratch
                         && las.header().compressed
                     {
@@ -326,7 +280,7 @@ impl Counter<'_> {
                         scratch.runs.write_all_at(buffer, unit.at)?;
                         let end = unit.at + buffer.len() as u64;
                         scratch.receipt(&Receipt::Spooled { unit: i as u32, end })?;
-                        *kept = Kept::Scratch;
+                        *kept = CachedRecords::Scratch;
                     }
                 }
             }
@@ -379,7 +333,7 @@ impl Looker {
         }
     }
 
-    fn add_to(&self, found: &mut Found) {
+    fn add_to(&self, found: &mut FileStatistics) {
         for a in 0..3 {
             found.grid.min[a] = found.grid.min[a].min(self.min[a]);
             found.grid.max[a] = found.grid.max[a].max(self.max[a]);

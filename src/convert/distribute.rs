@@ -12,59 +12,13 @@ use super::checkpoint::receipt::Receipt;
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::set_aside::{self, Range, Reason};
-use super::survey::{Kept, Survey, Unit};
+use super::values::counted_inputs::Survey;
+use super::values::input_slice::{CachedRecords, InputSlice};
+use super::values::record_range::{self, ExcludedRange, Part, Reason};
+use super::values::runs::{Run, RunStorage, Runs};
 use super::workers;
 use crate::octree::record;
-
-/// Where a run's records are.
-pub enum Place {
-    Memory(Vec<u8>),
-    /// From this byte of the scratch file.
-    Scratch(u64),
-}
-
-/// One slice's records, chunk by chunk.
-pub struct Run {
-    pub input: usize,
-    pub place: Place,
-}
-
-/// A chunk's part of a run, in records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Part {
-    pub run: u32,
-    pub first: u32,
-    pub points: u32,
-}
-
-/// All runs, and each chunk's parts in the order of the input.
-pub struct Runs {
-    pub runs: Vec<Run>,
-    pub parts: Vec<Vec<Part>>,
-    /// What lies outside the survey's region.
-    pub outliers: Vec<Range>,
-    pub scratch: Option<Arc<Scratch>>,
-}
-
-impl Runs {
-    /// The raw records of a part, of so many bytes each: where they lie, or in
-    /// `buffer`.
-    pub fn records<'a>(&'a self, part: Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
-        let (from, bytes) = (part.first as usize * length, part.points as usize * length);
-        match (&self.runs[part.run as usize].place, &self.scratch) {
-            (Place::Memory(records), _) => Ok(&records[from..from + bytes]),
-            (Place::Scratch(at), Some(scratch)) => {
-                buffer.resize(bytes, 0);
-                scratch.runs.read_exact_at(buffer, at + from as u64)?;
-                Ok(buffer)
-            }
-            (Place::Scratch(_), None) => {
-                Err(StageError::Inconsistent(format!("run {} is nowhere", part.run)))
-            }
-        }
-    }
-}
+use crate::platform::disk::DiskFile;
 
 /// A run once it is made, with the points it holds of each chunk.
 type Made = Mutex<Option<(Run, Vec<u32>)>>;
@@ -88,7 +42,7 @@ pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Con
                         Some(counts) => spread(counts, buckets)?,
                         None => state.run_in_scratch(survey, unit, i as u32, scratch)?,
                     };
-                    (Place::Scratch(unit.at), counts)
+                    (RunStorage::Scratch(unit.at), counts)
                 }
             };
             let run = Run { input: unit.input, place };
@@ -100,7 +54,7 @@ pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Con
     for input in &survey.inputs {
         input.las.check_unchanged()?;
     }
-    collect(survey, made, scratch.cloned())
+    collect(survey, made, scratch.map(|scratch| scratch.runs.clone()))
 }
 
 /// Counts of the chunks that have some, as counts of all.
@@ -121,7 +75,7 @@ fn buckets(survey: &Survey) -> usize {
 }
 
 /// Turns per-run counts into per-chunk parts.
-fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> Result<Runs> {
+fn collect(survey: &Survey, made: Vec<Made>, file: Option<Arc<DiskFile>>) -> Result<Runs> {
     let mut parts: Vec<Vec<Part>> = vec![Vec::new(); buckets(survey)];
     let mut runs = Vec::with_capacity(made.len());
     for slot in made {
@@ -144,13 +98,13 @@ fn collect(survey: &Survey, made: Vec<Made>, scratch: Option<Arc<Scratch>>) -> R
         }
     }
     let outside = parts.split_off(survey.plan.chunks.len()).into_iter().flatten();
-    let outliers: Vec<Range> = outside
-        .map(|Part { run, first, points }| Range { run, first, points, reason: Reason::Outlier })
+    let outliers: Vec<ExcludedRange> = outside
+        .map(|Part { run, first, points }| ExcludedRange { run, first, points, reason: Reason::Outlier })
         .collect();
-    if set_aside::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
+    if record_range::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
         return Err(StageError::changed(&survey.inputs[0].las));
     }
-    Ok(Runs { runs, parts, outliers, scratch })
+    Ok(Runs { runs, parts, outliers, file })
 }
 
 /// One worker's buffers.
@@ -164,17 +118,17 @@ struct Bucketer {
 
 impl Bucketer {
     /// Makes a slice's run in memory.
-    fn run_in_memory(&mut self, survey: &Survey, unit: &Unit) -> Result<(Place, Vec<u32>)> {
-        let records = match std::mem::replace(&mut *unit.kept(), Kept::Nowhere) {
-            Kept::Memory(records) => records,
-            Kept::Nowhere | Kept::Scratch => {
+    fn run_in_memory(&mut self, survey: &Survey, unit: &InputSlice) -> Result<(RunStorage, Vec<u32>)> {
+        let records = match std::mem::replace(&mut *unit.kept(), CachedRecords::Nowhere) {
+            CachedRecords::Memory(records) => records,
+            CachedRecords::Nowhere | CachedRecords::Scratch => {
                 let mut records = Vec::new();
                 survey.inputs[unit.input].las.read(unit.slice, &mut records)?;
                 records
             }
         };
         let counts = self.bucket(survey, unit.input, &records)?;
-        Ok((Place::Memory(std::mem::replace(&mut self.run, records)), counts))
+        Ok((RunStorage::Memory(std::mem::replace(&mut self.run, records)), counts))
     }
 
     /// Makes a slice's run in the scratch, at the place where the slice itself may
@@ -182,13 +136,13 @@ impl Bucketer {
     fn run_in_scratch(
         &mut self,
         survey: &Survey,
-        unit: &Unit,
+        unit: &InputSlice,
         number: u32,
         scratch: &Scratch,
     ) -> Result<Vec<u32>> {
         let input = &survey.inputs[unit.input];
         let mut records = std::mem::take(&mut self.slice);
-        if matches!(*unit.kept(), Kept::Scratch) {
+        if matches!(*unit.kept(), CachedRecords::Scratch) {
             records.resize(unit.slice.points as usize * input.source.record_length, 0);
             scratch.runs.read_exact_at(&mut records, unit.at)?;
             scratch.receipt(&Receipt::Bucketing { unit: number })?;

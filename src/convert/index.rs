@@ -2,22 +2,24 @@
 //! Generation", 4.2). All nodes but the chunk's root are written; the root's
 //! points wait for the levels above.
 
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
-use super::borders::{self, Halos, Kept, Turn};
-use super::checkpoint::receipt::{Built, Risen, Span};
+use super::borders::{self, Halos, StoredBorder, Turn};
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::copc::CopcWriter;
-use super::distribute::{Part, Place, Runs};
 use super::error::{Result, StageError};
 use super::guards::coincident_points::{self, is_crowd};
 use super::guards::exact_duplicates;
+use super::memory_estimate::chunk_memory;
 use super::node_writer::{NodeWriter, RawPoints, Written};
-use super::octree_writer::{self, Block, COPC, Each, OCTREE, OutputFiles};
+use super::octree_writer::OutputFiles;
 use super::options::{Mode, Options};
-use super::set_aside::{self, Range, Reason};
-use super::survey::{Survey, chunk_memory};
+use super::pending_root::{FinishedUnit, Indexed, PendingRoot, RootRecords, hand_in, resubmit};
+use super::values::block::{COPC, OCTREE};
+use super::values::counted_inputs::Survey;
+use super::values::record_range::{self, ExcludedRange, Part, Reason};
+use super::values::runs::{RunStorage, Runs};
 use super::workers;
 use crate::octree::attribute::Schema;
 use crate::octree::chunk_plan::Chunk;
@@ -28,96 +30,9 @@ use crate::octree::sampling::sampler::{Item, Sampler};
 use crate::octree::statistics::Statistics;
 use crate::platform::disk::DiskFile;
 
-/// What rises from a chunk: its root's points, in the octree's layout.
-pub struct Rising {
-    pub node: NodeKey,
-    pub has_children: bool,
-    /// Whether it is the leaf of a crowd that was thinned.
-    pub crowded: bool,
-    pub records: RisingRecords,
-    /// The records of all nodes below, where these join it in the COPC file.
-    pub below: Option<RisingRecords>,
-}
-
-/// In memory, or out of core in the scratch.
-pub enum RisingRecords {
-    Memory(Vec<u8>),
-    Scratch(Span),
-}
-
-impl RisingRecords {
-    /// The bytes, from wherever they are.
-    pub fn fetch(self, scratch: Option<&Scratch>) -> Result<Vec<u8>> {
-        match (self, scratch) {
-            (RisingRecords::Memory(records), _) => Ok(records),
-            (RisingRecords::Scratch(span), Some(scratch)) => scratch.fetch(span),
-            (RisingRecords::Scratch(_), None) => {
-                Err(StageError::Inconsistent("the points of a node are nowhere".into()))
-            }
-        }
-    }
-
-    /// The same, in the scratch where there is one.
-    fn keep(self, scratch: &Scratch) -> Result<Span> {
-        match self {
-            RisingRecords::Memory(records) => scratch.keep(&records),
-            RisingRecords::Scratch(span) => Ok(span),
-        }
-    }
-}
-
-impl Rising {
-    pub fn points(&self, survey: &Survey) -> u64 {
-        let bytes = match &self.records {
-            RisingRecords::Memory(records) => records.len() as u64,
-            RisingRecords::Scratch(span) => span.bytes,
-        };
-        bytes / survey.unified.schema.record_size() as u64
-    }
-}
-
-impl From<Risen> for Rising {
-    fn from(risen: Risen) -> Rising {
-        let Risen { node, has_children, crowded, records, below } = risen;
-        let below = below.map(RisingRecords::Scratch);
-        Rising { node, has_children, crowded, records: RisingRecords::Scratch(records), below }
-    }
-}
-
-/// The chunks' roots, in the order of the plan, and what was counted.
-pub struct Indexed {
-    pub rising: Vec<Rising>,
-    /// Samples along the chunks' borders.
-    pub halos: Halos,
-    /// Of all points, also of those that rise (but for averaged colours).
-    pub statistics: Statistics,
-    /// Of the points in the COPC file so far.
-    pub moments: Moments,
-    /// Points in the nodes that were written.
-    pub points: u64,
-    /// Points of crowds that were kept out, in the order of the plan.
-    pub crowds: Vec<Range>,
-}
-
-/// A chunk, or a step of the merge, when it is done.
-pub struct Done {
-    pub root: Rising,
-    /// Of a chunk's points, wherever they end up; but the range of averaged colours
-    /// is that of the nodes that were written, of a step of the merge too, which
-    /// adds nothing else.
-    pub statistics: Statistics,
-    /// Of the points that were written to the COPC file.
-    pub moments: Moments,
-    /// Points in the nodes that were written.
-    pub points: u64,
-    pub aside: Vec<Range>,
-    /// Samples along the border.
-    pub halo: Kept,
-}
-
 /// A chunk's root once it is there, what was kept out, and the moments of what was
 /// written.
-type Slot = Mutex<Option<(Rising, (Vec<Range>, Moments))>>;
+type Slot = Mutex<Option<(PendingRoot, (Vec<ExcludedRange>, Moments))>>;
 
 /// Indexes all chunks into the octree file. Blocks are numbered in the order in
 /// which the chunks take their turns (see [`halos`]).
@@ -125,42 +40,44 @@ pub fn index(
     survey: &Survey,
     runs: &Runs,
     files: &OutputFiles,
+    scratch: Option<&Arc<Scratch>>,
     options: &Options,
     context: &Context,
 ) -> Result<Indexed> {
     context.progress.begin(Stage::Index, survey.points);
     let chunks = &survey.plan.chunks;
     let threads = threads_for_memory(survey, options, context)?;
-    let rising: Vec<Slot> = chunks.iter().map(|_| Mutex::new(None)).collect();
+    let pending: Vec<Slot> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
-    let scratch = runs.scratch.as_deref();
     let nodes: Vec<NodeKey> = chunks.iter().map(|chunk| chunk.node).collect();
     let order = borders::order(&nodes);
-    let mut halos = Halos::new(survey.cube.bits, runs.scratch.clone());
+    let mut halos = Halos::new(survey.cube.bits, scratch.cloned());
+    let scratch = scratch.map(|scratch| &**scratch);
     halos.add(order.iter().map(|chunk| nodes[*chunk]));
-    let start = || Indexer::new(survey, options);
+    let start = || Indexer::new(survey, options, scratch);
     workers::in_order(threads, chunks.len(), &context.cancel, start, |indexer, unit| {
         let (chunk, turn) = (order[unit], halos.turn(unit));
         let done = match scratch.and_then(|scratch| scratch.past.built.get(&(unit as u32))) {
             Some(built) => resubmit(files, unit, built),
             None => indexer.chunk(survey, runs, files, (unit, chunk), &turn, context),
         };
-        let Done { root, statistics, moments, points, aside, halo } = done.inspect_err(|_| files.fail())?;
+        let FinishedUnit { root, statistics, moments, points, aside, halo } =
+            done.inspect_err(|_| files.fail())?;
         turn.done(halo);
-        *rising[chunk].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, (aside, moments)));
+        *pending[chunk].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, (aside, moments)));
         let mut total = total.lock().unwrap_or_else(|e| e.into_inner());
         total.0.merge(&statistics);
         total.1 += points;
         context.progress.advance(chunks[chunk].points);
         Ok(())
     })?;
-    let done = rising.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner()));
-    let (rising, rest): (Vec<Rising>, Vec<(Vec<Range>, Moments)>) = done.unzip();
-    let (crowds, of_chunks): (Vec<Vec<Range>>, Vec<Moments>) = rest.into_iter().unzip();
+    let done = pending.into_iter().filter_map(|r| r.into_inner().unwrap_or_else(|e| e.into_inner()));
+    let (pending, rest): (Vec<PendingRoot>, Vec<(Vec<ExcludedRange>, Moments)>) = done.unzip();
+    let (crowds, of_chunks): (Vec<Vec<ExcludedRange>>, Vec<Moments>) = rest.into_iter().unzip();
     let mut moments = Moments::empty(&survey.unified.schema);
     of_chunks.iter().for_each(|more| moments.merge(more));
     let (statistics, points) = total.into_inner().unwrap_or_else(|e| e.into_inner());
-    Ok(Indexed { rising, halos, statistics, moments, points, crowds: crowds.concat() })
+    Ok(Indexed { pending, halos, statistics, moments, points, crowds: crowds.concat() })
 }
 
 /// As many threads as there is memory for, by the largest chunk.
@@ -183,6 +100,7 @@ fn threads_for_memory(survey: &Survey, options: &Options, context: &Context) -> 
 /// One worker's sampler and buffers.
 struct Indexer<'o> {
     options: &'o Options,
+    scratch: Option<&'o Scratch>,
     sampler: Box<dyn Sampler>,
     /// Where a COPC file is written; it keeps its encoder's memory.
     copc: Option<CopcWriter<'o>>,
@@ -193,11 +111,11 @@ struct Indexer<'o> {
 }
 
 impl<'o> Indexer<'o> {
-    fn new(survey: &'o Survey, options: &'o Options) -> Indexer<'o> {
+    fn new(survey: &'o Survey, options: &'o Options, scratch: Option<&'o Scratch>) -> Indexer<'o> {
         let sampler = options.sampling.sampler(survey.cube.slack());
         let (items, spare) = (Vec::new(), Vec::new());
         let copc = CopcWriter::new(survey);
-        Indexer { options, sampler, copc, items, spare, raw: Vec::new(), records: Vec::new() }
+        Indexer { options, scratch, sampler, copc, items, spare, raw: Vec::new(), records: Vec::new() }
     }
 
     fn chunk(
@@ -208,7 +126,7 @@ impl<'o> Indexer<'o> {
         (unit, number): (usize, usize),
         turn: &Turn,
         context: &Context,
-    ) -> Result<Done> {
+    ) -> Result<FinishedUnit> {
         let chunk = survey.plan.chunks[number];
         let mut parts = runs.parts[number].as_slice();
         let (kept, mut aside);
@@ -219,8 +137,8 @@ impl<'o> Indexer<'o> {
             aside = Vec::new();
         }
         let is_thinned_crowd = !aside.is_empty();
-        if let Some(scratch) = &runs.scratch {
-            load_parts(survey, runs, parts, &scratch.runs, &mut self.raw)?;
+        if let Some(file) = &runs.file {
+            load_parts(survey, runs, parts, file, &mut self.raw)?;
         }
         let points = raw_points(survey, runs, parts, &self.raw);
         let statistics = points.unpack(&mut self.items, &mut self.records)?;
@@ -229,7 +147,7 @@ impl<'o> Indexer<'o> {
             let twins = exact_duplicates::find(self.items.len(), points.records());
             let mut next = twins.iter().peekable();
             self.items.retain(|item| next.next_if_eq(&&item.index).is_none());
-            aside.extend(set_aside::ranges(parts, &twins, Reason::Twin));
+            aside.extend(record_range::ranges(parts, &twins, Reason::Twin));
             kept_out = twins;
         }
         self.spare.resize(self.items.len(), Item::default());
@@ -247,8 +165,8 @@ impl<'o> Indexer<'o> {
         builder.around = turn.around(u8::MAX, &context.cancel)?;
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
         builder.aside.sort_unstable();
-        aside.extend(set_aside::ranges(parts, &builder.aside, Reason::Duplicate));
-        let set_aside: u64 = set_aside::tally(&aside).values().sum();
+        aside.extend(record_range::ranges(parts, &builder.aside, Reason::Duplicate));
+        let set_aside: u64 = record_range::tally(&aside).values().sum();
         kept_out.append(&mut builder.aside);
         let schema = &survey.unified.schema;
         let mut records = vec![0; root.items.len() * schema.record_size()];
@@ -268,17 +186,17 @@ impl<'o> Indexer<'o> {
         };
         averages.iter().for_each(|averages| averages.tell(&mut statistics));
         self.records = all;
-        let halo = Kept::Memory(root.rims);
-        let root = Rising {
+        let halo = StoredBorder::Memory(root.rims);
+        let root = PendingRoot {
             node: chunk.node,
             has_children: root.has_children,
             // Of a crowd that is a chunk of its own, only a part was looked at.
             crowded: root.crowded || is_thinned_crowd,
-            records: RisingRecords::Memory(records),
-            below: below.map(RisingRecords::Memory),
+            records: RootRecords::Memory(records),
+            below: below.map(RootRecords::Memory),
         };
-        let done = Done { root, statistics, moments, points, aside, halo };
-        hand_in(files, unit, blocks, done, runs.scratch.as_deref())
+        let done = FinishedUnit { root, statistics, moments, points, aside, halo };
+        hand_in(files, unit, blocks, done, self.scratch)
     }
 }
 
@@ -297,56 +215,6 @@ fn statistics_without(schema: &Schema, records: &[u8], mut without: Vec<u32>) ->
     statistics
 }
 
-/// Hands in finished blocks, their topmost node and its border: out of core with a
-/// receipt, node and border going to the scratch.
-pub fn hand_in(
-    files: &OutputFiles,
-    number: usize,
-    blocks: Each<Block>,
-    done: Done,
-    scratch: Option<&Scratch>,
-) -> Result<Done> {
-    let Some(scratch) = scratch else {
-        files.submit(number, blocks, None)?;
-        return Ok(done);
-    };
-    let Done { root, statistics, moments, points, aside, halo } = done;
-    let Rising { node, has_children, crowded, records, below } = root;
-    let records = records.keep(scratch)?;
-    let below = below.map(|below| below.keep(scratch)).transpose()?;
-    let risen = Risen { node, has_children, crowded, records, below };
-    let halo = match halo {
-        Kept::Memory(rims) => scratch.keep(&borders::to_bytes(&rims))?,
-        Kept::Scratch(span) => span,
-    };
-    let built = Built {
-        nodes: [OCTREE, COPC].map(|file| blocks[file].nodes.clone()),
-        bytes: octree_writer::lengths(&blocks),
-        at: None,
-        points,
-        moments: moments.clone(),
-        statistics: statistics.clone(),
-        root: risen,
-        halo,
-        aside: aside.clone(),
-    };
-    files.submit(number, blocks, Some(built))?;
-    Ok(Done { root: risen.into(), statistics, moments, points, aside, halo: Kept::Scratch(halo) })
-}
-
-/// Hands in what an earlier run built.
-pub fn resubmit(files: &OutputFiles, number: usize, built: &Built) -> Result<Done> {
-    files.submit_again(number, built)?;
-    Ok(Done {
-        root: built.root.into(),
-        statistics: built.statistics.clone(),
-        moments: built.moments.clone(),
-        points: built.points,
-        aside: built.aside.clone(),
-        halo: Kept::Scratch(built.halo),
-    })
-}
-
 /// Reads a chunk's parts of all runs, one behind the other.
 fn load_parts(
     survey: &Survey,
@@ -363,7 +231,7 @@ fn load_parts(
     let mut at = 0;
     for part in parts {
         let (skip, len) = bytes_of(part);
-        if let Place::Scratch(start) = runs.runs[part.run as usize].place {
+        if let RunStorage::Scratch(start) = runs.runs[part.run as usize].place {
             file.read_exact_at(&mut raw[at..at + len], start + skip as u64)?;
         }
         at += len;
@@ -380,8 +248,8 @@ fn raw_points<'a>(survey: &'a Survey, runs: &'a Runs, parts: &'a [Part], raw: &'
             let length = survey.inputs[run.input].source.record_length;
             let len = part.points as usize * length;
             let bytes = match &run.place {
-                Place::Memory(bytes) => &bytes[part.first as usize * length..][..len],
-                Place::Scratch(_) => {
+                RunStorage::Memory(bytes) => &bytes[part.first as usize * length..][..len],
+                RunStorage::Scratch(_) => {
                     let (bytes, behind) = rest.split_at(len);
                     rest = behind;
                     bytes

@@ -8,17 +8,17 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
-use super::borders::{self, Kept, Turn};
+use super::borders::{self, StoredBorder, Turn};
 use super::checkpoint::scratch::Scratch;
 use super::color_averages::Averages;
 use super::context::{Context, Stage};
 use super::copc::CopcWriter;
 use super::error::{Result, StageError};
-use super::index::{self, Done, Indexed, Rising, RisingRecords};
 use super::node_writer::{NodeWriter, Written};
 use super::octree_writer::OutputFiles;
 use super::options::Options;
-use super::survey::Survey;
+use super::pending_root::{self, FinishedUnit, Indexed, PendingRoot, RootRecords};
+use super::values::counted_inputs::Survey;
 use super::workers;
 use crate::octree::cube::Frame;
 use crate::octree::local_octree::{is_hollow, move_taken};
@@ -57,15 +57,15 @@ pub fn merge(
     context: &Context,
 ) -> Result<Merged> {
     let scratch = scratch.map(|scratch| &**scratch);
-    let rising_points: u64 = indexed.rising.iter().map(|r| r.points(survey)).sum();
+    let rising_points: u64 = indexed.pending.iter().map(|r| r.points(survey)).sum();
     context.progress.begin(Stage::Merge, rising_points);
-    let above = ancestors(&indexed.rising);
-    let mut next_block = indexed.rising.len();
+    let above = ancestors(&indexed.pending);
+    let mut next_block = indexed.pending.len();
     let mut points = indexed.points;
     let mut statistics = Statistics::empty(&survey.unified.schema);
     let mut moments = indexed.moments;
 
-    let (subtrees, mut top) = cut(indexed.rising);
+    let (subtrees, mut top) = cut(indexed.pending);
     let mut halos = indexed.halos;
     halos.add(subtrees.iter().map(|(node, _)| *node).chain([NodeKey::ROOT]));
     let merged: Vec<Slot> = subtrees.iter().map(|_| Mutex::new(None)).collect();
@@ -83,14 +83,14 @@ pub fn merge(
             let subtree = match before {
                 Some(built) => {
                     context.progress.advance(roots.values().map(|r| r.points(survey)).sum());
-                    index::resubmit(files, number, built)
+                    pending_root::resubmit(files, number, built)
                 }
                 None => {
                     let merger = Merger::new(survey, options, context, &above, roots, scratch);
                     merger.subtree(*node, files, &turn, number)
                 }
             };
-            let Done { root, points, statistics, moments, halo, .. } =
+            let FinishedUnit { root, points, statistics, moments, halo, .. } =
                 subtree.inspect_err(|_| files.fail())?;
             turn.done(halo);
             *merged[i].lock().unwrap_or_else(|e| e.into_inner()) = Some((root, points, statistics, moments));
@@ -115,7 +115,7 @@ pub fn merge(
     let Written { blocks, points: more, averages, moments: of_points, .. } = merger.writer.finish();
     moments.merge(&of_points);
     files.submit(next_block, blocks, None)?;
-    turn.done(Kept::Memory(Vec::new()));
+    turn.done(StoredBorder::Memory(Vec::new()));
     if let Some(averages) = averages {
         let mut range = Statistics::empty(&survey.unified.schema);
         averages.tell(&mut range);
@@ -125,10 +125,10 @@ pub fn merge(
 }
 
 /// Nodes that have chunks below them.
-fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
+fn ancestors(pending: &[PendingRoot]) -> HashSet<NodeKey> {
     let mut above = HashSet::new();
-    for rising in rising {
-        let mut node = rising.node;
+    for pending in pending {
+        let mut node = pending.node;
         while let Some(parent) = node.parent()
             && above.insert(parent)
         {
@@ -138,24 +138,24 @@ fn ancestors(rising: &[Rising]) -> HashSet<NodeKey> {
     above
 }
 
-type Roots = HashMap<NodeKey, Rising>;
+type Roots = HashMap<NodeKey, PendingRoot>;
 
 /// A subtree's topmost node once it is there, the points below it, their statistics,
 /// and the moments of those that were written.
-type Slot = Mutex<Option<(Rising, u64, Statistics, Moments)>>;
+type Slot = Mutex<Option<(PendingRoot, u64, Statistics, Moments)>>;
 
 /// Chunks below the cut by the subtree they are in, in the order in which the
 /// subtrees take their turns, and those at or above it.
-fn cut(rising: Vec<Rising>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
-    let roots = cut_nodes(&rising.iter().map(|rising| rising.node).collect::<Vec<_>>());
+fn cut(pending: Vec<PendingRoot>) -> (Vec<(NodeKey, Mutex<Roots>)>, Roots) {
+    let roots = cut_nodes(&pending.iter().map(|pending| pending.node).collect::<Vec<_>>());
     let mut subtrees: HashMap<NodeKey, Roots> = HashMap::new();
     let mut top = HashMap::new();
-    for (rising, root) in rising.into_iter().zip(&roots) {
+    for (pending, root) in pending.into_iter().zip(&roots) {
         let into = match root {
             Some(root) => subtrees.entry(*root).or_default(),
             None => &mut top,
         };
-        into.insert(rising.node, rising);
+        into.insert(pending.node, pending);
     }
     let mut nodes: Vec<NodeKey> = roots.into_iter().flatten().collect();
     nodes.dedup();
@@ -194,7 +194,7 @@ struct Grown {
     records: Vec<u8>,
     items: Vec<Item>,
     /// The records of all nodes below, where these join it in the COPC file.
-    below: Option<RisingRecords>,
+    below: Option<RootRecords>,
 }
 
 impl<'a> Merger<'a> {
@@ -232,25 +232,31 @@ impl<'a> Merger<'a> {
     }
 
     /// Merges all below a node, and hands it in.
-    fn subtree(mut self, node: NodeKey, files: &OutputFiles, turn: &Turn, number: usize) -> Result<Done> {
+    fn subtree(
+        mut self,
+        node: NodeKey,
+        files: &OutputFiles,
+        turn: &Turn,
+        number: usize,
+    ) -> Result<FinishedUnit> {
         self.begin(turn)?;
         let root = self.grow(node)?;
-        let halo = Kept::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
+        let halo = StoredBorder::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
         let Grown { node, has_children, crowded, records, below, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
         let Written { blocks, points, averages, moments, .. } = self.writer.finish();
         let mut statistics = Statistics::empty(&self.survey.unified.schema);
         averages.iter().for_each(|averages| averages.tell(&mut statistics));
-        let root = Rising { node, has_children, crowded, records: RisingRecords::Memory(records), below };
-        let done = Done { root, statistics, moments, points, aside: Vec::new(), halo };
-        index::hand_in(files, number, blocks, done, self.scratch)
+        let root = PendingRoot { node, has_children, crowded, records: RootRecords::Memory(records), below };
+        let done = FinishedUnit { root, statistics, moments, points, aside: Vec::new(), halo };
+        pending_root::hand_in(files, number, blocks, done, self.scratch)
     }
 
     fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
-        if let Some(Rising { has_children, crowded, records, below, .. }) = self.roots.remove(&node) {
+        if let Some(PendingRoot { has_children, crowded, records, below, .. }) = self.roots.remove(&node) {
             let records = records.fetch(self.scratch)?;
             let items = self.items(&records);
             return Ok(Some(Grown { node, has_children, crowded, records, items, below }));

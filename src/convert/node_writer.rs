@@ -5,9 +5,9 @@
 use super::color_averages::Averages;
 use super::copc::CopcWriter;
 use super::error::StageError;
-use super::octree_writer::{Block, Each, NodeEntry};
 use super::options::{Encoding, Options};
-use super::survey::Survey;
+use super::values::block::{Block, Each, NodeEntry};
+use super::values::counted_inputs::Survey;
 use crate::format::potree;
 use crate::octree::attribute::Schema;
 use crate::octree::cube::Frame;

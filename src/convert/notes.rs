@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::convert::options::{Mode, Options};
-use crate::convert::set_aside::Reason;
+use crate::convert::values::record_range::Reason;
 use crate::octree::attribute::{Attribute, Schema};
 use crate::octree::statistics::Statistics;
 

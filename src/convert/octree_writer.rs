@@ -11,84 +11,12 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-use serde::{Deserialize, Serialize};
-
 use super::checkpoint::receipt::{Built, Receipt};
 use super::checkpoint::scratch::Scratch;
 use super::error::{Result, StageError};
-use crate::octree::node::NodeKey;
+use super::values::block::{Block, Bytes, COPC, Each, NodeEntry, OCTREE, lengths};
+use super::values::finished_files::Finished;
 use crate::platform::disk::DiskFile;
-
-/// A finished node: where its points are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NodeEntry {
-    pub node: NodeKey,
-    pub points: u32,
-    /// Bytes from the start of the file (or of the block it stands in).
-    pub offset: u64,
-    pub size: u64,
-}
-
-/// One of something for each file of points: for octree.bin, then for COPC.
-pub type Each<T> = [T; 2];
-/// Which is which.
-pub const OCTREE: usize = 0;
-pub const COPC: usize = 1;
-
-/// A chunk's finished nodes for one file, one behind the other.
-#[derive(Debug, Default)]
-pub struct Block {
-    pub bytes: Bytes,
-    pub nodes: Vec<NodeEntry>,
-}
-
-/// How much of a block there is in each file.
-pub fn lengths(blocks: &Each<Block>) -> Each<u64> {
-    [OCTREE, COPC].map(|file| blocks[file].bytes.len() as u64)
-}
-
-/// Bytes that grow at their end, in memory that may have served before: it is
-/// neither cleared nor asked of the system again.
-#[derive(Debug, Default)]
-pub struct Bytes {
-    memory: Vec<u8>,
-    end: usize,
-}
-
-impl Bytes {
-    /// Room for so many more, to be filled; what is in it is of no meaning.
-    pub fn room(&mut self, bytes: usize) -> &mut [u8] {
-        let start = self.end;
-        self.end += bytes;
-        if self.memory.len() < self.end {
-            self.memory.resize(self.end.next_multiple_of(1 << 16), 0);
-        }
-        &mut self.memory[start..self.end]
-    }
-
-    /// Makes sure that so many can come without moving what is there.
-    pub fn reserve(&mut self, bytes: usize) {
-        if self.memory.is_empty() {
-            // Zeroed by the system, page by page, where they are used.
-            self.memory = vec![0; bytes];
-        }
-    }
-
-    pub fn len(&self) -> usize {
-        self.end
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.end == 0
-    }
-}
-
-impl std::ops::Deref for Bytes {
-    type Target = [u8];
-    fn deref(&self) -> &[u8] {
-        &self.memory[..self.end]
-    }
-}
 
 /// What a unit of work made, waiting for its place in the files, or having just got
 /// it.
@@ -128,15 +56,6 @@ pub struct Target {
     pub file: DiskFile,
     /// Where its points begin, in bytes.
     pub start: u64,
-}
-
-/// What a file came to.
-#[derive(Debug)]
-pub struct Finished {
-    pub file: Arc<DiskFile>,
-    pub nodes: Vec<NodeEntry>,
-    /// Where its points end.
-    pub end: u64,
 }
 
 /// The files, and who writes where.
@@ -267,7 +186,7 @@ impl OutputFiles {
                 for (file, bytes) in bytes.into_iter().enumerate() {
                     let mut used = self.used(file);
                     if used.len() < MOST_USED {
-                        used.push(Bytes { end: 0, ..bytes });
+                        used.push(bytes.emptied());
                     }
                 }
             }

@@ -7,14 +7,12 @@ use std::path::Path;
 use super::context::{Context, Stage};
 use super::copc::{self, CopcFile};
 use super::error::{Result, StageError};
-use super::octree_writer::{COPC, Each, Finished, NodeEntry, OCTREE};
 use super::options::{Encoding, LodColor, Options};
-use super::survey::Survey;
+use super::values::block::{COPC, NodeEntry, OCTREE};
+use super::values::finished_files::{Finished, Octree};
 use crate::format::las::GpsTime;
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
-use crate::octree::moments::Moments;
-use crate::octree::statistics::Statistics;
 use crate::platform::disk::Disk;
 
 /// What was made, without the report about it.
@@ -26,18 +24,6 @@ pub struct Completed {
     /// Bytes of all files.
     pub bytes: u64,
     pub copc: Option<CopcFile>,
-}
-
-/// What the files consist of.
-pub struct Octree<'a> {
-    pub survey: &'a Survey,
-    /// The files with their points.
-    pub files: &'a Each<Option<Finished>>,
-    pub statistics: &'a Statistics,
-    /// Of the points in the COPC file.
-    pub moments: &'a Moments,
-    /// Points that were kept out of it.
-    pub aside: u64,
 }
 
 /// Checks the sums and writes what is missing but for the name.

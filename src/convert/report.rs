@@ -9,11 +9,12 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::run::{Outcome, Request};
 use crate::convert::error::StageError;
 use crate::convert::options::{Mode, Options};
-use crate::convert::set_aside::Reason;
-use crate::convert::survey::Survey;
+use crate::convert::outcome::Outcome;
+use crate::convert::request::Request;
+use crate::convert::values::counted_inputs::Survey;
+use crate::convert::values::record_range::Reason;
 use crate::octree::lattice::Lattice;
 use crate::octree::node::LEAF_LIMIT;
 use crate::octree::outliers;
@@ -26,7 +27,7 @@ pub const REPORT: &str = "report.json";
 struct Report<'a> {
     lodestone: &'static str,
     options: &'a Options,
-    inputs: Vec<Input<'a>>,
+    inputs: Vec<ReportedInput<'a>>,
     lattice: &'a Lattice,
     /// World length of the root cube's side, and of the root's spacing.
     cube: f64,
@@ -44,7 +45,7 @@ struct Report<'a> {
 
 /// One file that has points.
 #[derive(Serialize)]
-struct Input<'a> {
+struct ReportedInput<'a> {
     name: String,
     bytes: u64,
     /// Seconds since 1970.
@@ -111,7 +112,7 @@ pub fn write(
     let stamps: Vec<String> = survey.inputs.iter().map(|input| input.las.stamp()).collect();
     let inputs = survey.inputs.iter().zip(&stamps).map(|(input, stamp)| {
         let header = input.las.header();
-        Input {
+        ReportedInput {
             name: input.las.path().file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
             bytes: header.file_bytes,
             modified: stamp.split_once(' ').map_or("", |(_, modified)| modified),

@@ -1,103 +1,34 @@
 //! Conducts one conversion: the stages in a row, each with what the one before
 //! it made. Both `lodestone convert` and the daemon come through here.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
 use super::{notes, report};
 use crate::convert::checkpoint::receipt::Receipt;
 use crate::convert::checkpoint::scratch::{Scratch, units_done};
 use crate::convert::context::{Context, Stage};
-use crate::convert::copc::CopcFile;
 use crate::convert::distribute::distribute;
 use crate::convert::error::StageError;
 use crate::convert::index::index;
 use crate::convert::merge::merge;
-use crate::convert::options::{LodColor, Mode, Options};
-use crate::convert::publish::{self, Octree};
-use crate::convert::set_aside::{self, Reason};
+use crate::convert::options::{LodColor, Mode};
+pub use crate::convert::outcome::Outcome;
+use crate::convert::publish;
+pub use crate::convert::request::Request;
+use crate::convert::set_aside;
 use crate::convert::staging::Staging;
 use crate::convert::survey::{self, Opened};
+use crate::convert::values::finished_files::Octree;
+use crate::convert::values::record_range;
 use crate::format::inputs;
 use crate::format::las::LasError;
 use crate::platform::disk::{self, DirLock, Disk};
 use crate::platform::limits;
-
-/// What is to be converted into which folder.
-#[derive(Debug, Clone)]
-pub struct Request {
-    /// Files, folders or `@list` files.
-    pub inputs: Vec<PathBuf>,
-    /// The octree's folder; made, or replaced in one step.
-    pub output: PathBuf,
-    pub overwrite: bool,
-    /// Whether receipts and intermediate files stay when all went well, because
-    /// the caller has yet to note that; asked again, it gets the same outcome.
-    pub keep_scratch: bool,
-    pub options: Options,
-    /// BLAKE3 of the inputs' content, by path, for the report; of those that
-    /// somebody has read for it anyhow.
-    pub hashes: HashMap<PathBuf, String>,
-}
-
-/// How a conversion went.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Outcome {
-    pub files: u64,
-    pub points_in: u64,
-    pub points_out: u64,
-    pub points_set_aside: u64,
-    /// Those of them that are in no file, as was asked for.
-    pub points_dropped: u64,
-    /// Points that the inputs promise and that are not in them, where what can be
-    /// read of damaged files was asked for.
-    pub points_missing: u64,
-    /// By reason; what was dropped on request too.
-    pub set_aside: BTreeMap<Reason, u64>,
-    /// Files in the octree's folder that hold them.
-    pub files_aside: Vec<String>,
-    pub nodes: u64,
-    /// Level of the deepest node. Of nodes and levels, the octree's, or where there is
-    /// none, those of the COPC file.
-    pub depth: u32,
-    pub chunks: u64,
-    /// Bytes of the files that were asked for: an octree's three, the COPC file.
-    pub output_bytes: u64,
-    /// The COPC file, where one was asked for.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub copc: Option<CopcFile>,
-    /// Bytes of intermediate files.
-    pub scratch_bytes: u64,
-    /// Whether every position is exactly where the input has it.
-    pub exact: bool,
-    /// Most that a position can have moved along an axis, in units of the finest
-    /// input's scale there.
-    pub max_error_units: f64,
-    /// The same by axis, as a length in the cloud's own unit.
-    pub max_error: [f64; 3],
-    /// Units of work that an earlier run had done.
-    pub units_resumed: u64,
-    /// Wall time by stage, in seconds.
-    pub seconds_by_stage: BTreeMap<Stage, f64>,
-    /// Most memory that the process had had by the end of each stage since the
-    /// conversion began, in bytes. The process's: conversions at the same time share
-    /// it, and the latest to begin starts it anew for all.
-    pub peak_bytes_by_stage: BTreeMap<Stage, u64>,
-    /// What colours coarse levels have; their own where there are none to average.
-    pub lod_color: LodColor,
-    /// Attributes that were left out because they are zero in every point.
-    pub unused_attributes: Vec<String>,
-    /// What the inputs say that is not so, where the points decided instead.
-    pub repairs: Vec<String>,
-    /// What else was odd about the inputs, and what it came to.
-    pub notes: Vec<String>,
-}
 
 /// Why a conversion failed.
 #[derive(Debug, thiserror::Error)]
@@ -275,7 +206,8 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         times.measure(Stage::Survey, || survey::survey(opened, options, scratch.as_deref(), context))?;
     let files = staging.output_files(&survey, scratch.as_ref(), options, &request.output, context)?;
     let runs = times.measure(Stage::Distribute, || distribute(&survey, scratch.as_ref(), context))?;
-    let mut indexed = times.measure(Stage::Index, || index(&survey, &runs, &files, options, context))?;
+    let mut indexed =
+        times.measure(Stage::Index, || index(&survey, &runs, &files, scratch.as_ref(), options, context))?;
     let aside = [std::mem::take(&mut indexed.crowds), runs.outliers.clone()].concat();
     let files_aside = times.measure(Stage::Index, || {
         set_aside::write(&survey, &runs, &aside, options, &staging.folder, context)
@@ -285,7 +217,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     let merged = times
         .measure(Stage::Merge, || merge(&survey, indexed, &files, scratch.as_ref(), options, context))?;
     statistics.merge(&merged.statistics);
-    let set_aside = set_aside::tally(&aside);
+    let set_aside = record_range::tally(&aside);
     let points_aside = set_aside.values().sum();
     let dropped = set_aside.iter().filter(|(reason, _)| reason.mode(options) == Mode::Drop);
     let points_dropped = dropped.map(|(_, points)| points).sum();

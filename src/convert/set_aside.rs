@@ -5,16 +5,15 @@
 //! Until they are written they are only ranges of records in the runs, so that a
 //! crowd of forty million costs no memory.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
-
 use super::context::{Context, Stage};
-use super::distribute::{Part, Runs};
 use super::error::{Result, StageError};
 use super::options::{Mode, Options};
-use super::survey::{Input, Survey};
+use super::values::counted_inputs::Survey;
+use super::values::input_slice::Input;
+use super::values::record_range::{ExcludedRange, Part};
+use super::values::runs::Runs;
 use crate::format::las::{GpsTime, LasFile, LasOptions, LasWriter};
 use crate::octree::attribute::{ExtraField, Scalar};
 
@@ -25,109 +24,17 @@ pub const STEM: &str = "set-aside";
 /// The extra field that holds the reason.
 pub const REASON: &str = "set aside";
 
-/// Why a point is not in the octree. The numbers stand in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-#[repr(u8)]
-pub enum Reason {
-    Outlier = 1,
-    Duplicate = 2,
-    Twin = 3,
-}
-
-impl Reason {
-    pub fn name(self) -> &'static str {
-        match self {
-            Reason::Outlier => "outlier",
-            Reason::Duplicate => "duplicate",
-            Reason::Twin => "twin",
-        }
-    }
-
-    pub const ALL: [Reason; 3] = [Reason::Outlier, Reason::Duplicate, Reason::Twin];
-
-    pub fn mode(self, options: &Options) -> Mode {
-        match self {
-            Reason::Outlier => options.outliers,
-            Reason::Duplicate => options.duplicates,
-            Reason::Twin => options.twins,
-        }
-    }
-}
-
-/// Consecutive records of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Range {
-    pub run: u32,
-    pub first: u32,
-    pub points: u32,
-    pub reason: Reason,
-}
-
-/// Ranges of what stands at `indices` (ascending) among the points of a chunk's
-/// parts.
-pub fn ranges(parts: &[Part], indices: &[u32], reason: Reason) -> Vec<Range> {
-    let mut ranges: Vec<Range> = Vec::new();
-    let (mut part, mut before) = (0, 0u32);
-    for index in indices {
-        while index - before >= parts[part].points {
-            before += parts[part].points;
-            part += 1;
-        }
-        let at = Part { first: parts[part].first + (index - before), points: 1, ..parts[part] };
-        put(&mut ranges, at, reason);
-    }
-    ranges
-}
-
-/// One more record; neighbours become one range.
-pub fn put(ranges: &mut Vec<Range>, Part { run, first, .. }: Part, reason: Reason) {
-    match ranges.last_mut() {
-        Some(last) if (last.run, last.reason) == (run, reason) && last.first + last.points == first => {
-            last.points += 1;
-        }
-        _ => ranges.push(Range { run, first, points: 1, reason }),
-    }
-}
-
-/// What lies behind the first `keep` points of a chunk's parts.
-pub fn behind(parts: &[Part], keep: u32, reason: Reason) -> (Vec<Part>, Vec<Range>) {
-    let (mut kept, mut behind) = (Vec::new(), Vec::new());
-    let mut left = keep;
-    for part in parts {
-        let here = part.points.min(left);
-        left -= here;
-        if here > 0 {
-            kept.push(Part { points: here, ..*part });
-        }
-        if here < part.points {
-            let (first, points) = (part.first + here, part.points - here);
-            behind.push(Range { run: part.run, first, points, reason });
-        }
-    }
-    (kept, behind)
-}
-
-/// Points by reason.
-pub fn tally(ranges: &[Range]) -> BTreeMap<Reason, u64> {
-    let mut tally = BTreeMap::new();
-    for range in ranges {
-        *tally.entry(range.reason).or_default() += u64::from(range.points);
-    }
-    tally
-}
-
 /// Writes what is to be set aside into the octree's folder; gives the names of
 /// the files. Those are read back: what they say they hold is what was set aside.
 pub fn write(
     survey: &Survey,
     runs: &Runs,
-    ranges: &[Range],
+    ranges: &[ExcludedRange],
     options: &Options,
     folder: &Path,
     context: &Context,
 ) -> Result<Vec<String>> {
-    let written: Vec<Range> =
+    let written: Vec<ExcludedRange> =
         ranges.iter().copied().filter(|range| range.reason.mode(options) == Mode::SetAside).collect();
     let mut layouts: Vec<&Input> = Vec::new();
     for range in &written {
@@ -173,7 +80,7 @@ fn check_sum(points: u64, there: u64) -> Result<()> {
     }
 }
 
-fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &Range) -> &'s Input {
+fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &ExcludedRange) -> &'s Input {
     &survey.inputs[runs.runs[range.run as usize].input]
 }
 
@@ -223,7 +130,7 @@ fn append(
     writer: &mut LasWriter,
     input: &Input,
     runs: &Runs,
-    range: &Range,
+    range: &ExcludedRange,
     context: &Context,
 ) -> Result<()> {
     let length = input.source.record_length;
@@ -254,35 +161,6 @@ fn append(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const PARTS: [Part; 3] = [
-        Part { run: 0, first: 5, points: 3 },
-        Part { run: 2, first: 0, points: 1 },
-        Part { run: 3, first: 9, points: 4 },
-    ];
-
-    fn range(run: u32, first: u32, points: u32) -> Range {
-        Range { run, first, points, reason: Reason::Duplicate }
-    }
-
-    #[test]
-    fn indices_become_ranges_of_their_runs() {
-        assert_eq!(
-            ranges(&PARTS, &[0, 1, 2, 3, 5, 7], Reason::Duplicate),
-            [range(0, 5, 3), range(2, 0, 1), range(3, 10, 1), range(3, 12, 1)]
-        );
-    }
-
-    #[test]
-    fn what_is_kept_and_what_lies_behind_are_all() {
-        for keep in 0..=8 {
-            let (kept, rest) = behind(&PARTS, keep, Reason::Duplicate);
-            let kept: u32 = kept.iter().map(|p| p.points).sum();
-            let rest: u32 = rest.iter().map(|r| r.points).sum();
-            assert_eq!((kept, rest), (keep, 8 - keep));
-        }
-        assert_eq!(behind(&PARTS, 2, Reason::Duplicate).1[0], range(0, 7, 1));
-    }
 
     #[test]
     fn files_that_hold_more_or_less_than_was_set_aside_are_not_published() {

@@ -9,31 +9,14 @@ use super::checkpoint::scratch::Scratch;
 use super::context::Context;
 use super::copc;
 use super::error::{Result, StageError};
-use super::octree_writer::{COPC, OCTREE, OutputFiles, Target};
+use super::folder_names::staging_folder;
+use super::free_space::check_free_space;
+use super::octree_writer::{OutputFiles, Target};
 use super::options::{Encoding, Options};
-use super::survey::Survey;
+use super::values::block::{COPC, OCTREE};
+use super::values::counted_inputs::Survey;
 use crate::format::potree;
 use crate::platform::disk::{self, DirLock, Disk};
-
-/// The folder beside `output` in which the octree grows.
-pub fn staging_folder(output: &Path) -> PathBuf {
-    let name = output.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
-    output.with_file_name(format!(".{}.building", within_a_name(&name)))
-}
-
-/// Bytes of a file's name that most file systems take (255), less what we put
-/// around it.
-const LONGEST: usize = 200;
-
-/// The name, or where there is no room to put something around it, its beginning
-/// and a hash.
-pub fn within_a_name(name: &str) -> String {
-    if name.len() <= LONGEST {
-        return name.to_string();
-    }
-    let hash = blake3::hash(name.as_bytes()).to_hex();
-    format!("{}-{}", &name[..name.floor_char_boundary(LONGEST - 20)], &hash[..16])
-}
 
 /// The folder, locked: no second conversion makes the same octree meanwhile.
 pub struct Staging {
@@ -99,7 +82,7 @@ impl Staging {
             // LAZ needs at least a tenth.
             targets[COPC] = Some(open(COPC, plan.points_start, bytes / 10)?);
         }
-        check_room(disk, &self.folder, missing)?;
+        check_free_space(disk, &self.folder, missing)?;
         Ok(OutputFiles::new(targets, scratch.cloned(), context.memory_limit / 8))
     }
 
@@ -108,13 +91,4 @@ impl Staging {
         disk::inode(&self.folder)
             .map_err(|_| StageError::Inconsistent(format!("{} is gone", self.folder.display())))
     }
-}
-
-/// Refuses to begin what has no room to end.
-pub fn check_room(disk: &Disk, folder: &Path, needed: u64) -> Result<()> {
-    let free = disk.free_space(folder)?;
-    if free < needed {
-        return Err(StageError::NoRoom { folder: folder.to_path_buf(), needed, free });
-    }
-    Ok(())
 }

@@ -8,67 +8,34 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use super::checkpoint::receipt::{self, Identity};
 use super::checkpoint::scratch::Scratch;
 use super::context::Context;
-use super::copc::{self, CopcPlan};
-use super::counting::{Base, Counter, Findings};
+use super::counting::Counter;
 use super::error::{Result, StageError};
 use super::gps_times;
 use super::guards::damaged_input;
-use super::guards::exact_duplicates;
-use super::guards::outliers::Region;
-use super::options::{Damaged, LodColor, Mode, Options};
+use super::memory_estimate::chunk_memory;
+use super::options::{Damaged, Options};
 use super::reference::{self, Reference};
+use super::values::coordinate_frame::CoordinateFrame;
+use super::values::copc_plan::CopcPlan;
+use super::values::counted_inputs::Survey;
+use super::values::counting_result::CountingResult;
+use super::values::inlier_region::Region;
+use super::values::input_slice::{CachedRecords, Input, InputSlice};
 use super::workers;
-use crate::format::las::{GpsTime, LasFile, Slice};
+use crate::format::las::{GpsTime, LasFile};
 use crate::octree::chunk_plan::{self, Plan};
-use crate::octree::color_average;
-use crate::octree::cube::Cube;
-use crate::octree::lattice::{Lattice, Requantise};
 use crate::octree::record::{self, Source, Unified};
-
-/// One input file that has points.
-pub struct Input {
-    pub las: LasFile,
-    pub source: Source,
-    pub requantise: Requantise,
-    /// Records of inputs that share this number can stand in one file.
-    pub layout: usize,
-}
-
-/// A slice of an input, and its records where they were kept.
-pub struct Unit {
-    pub input: usize,
-    pub slice: Slice,
-    /// Where its records lie in the scratch, if they do.
-    pub at: u64,
-    pub kept: Mutex<Kept>,
-}
-
-/// Where a slice's decoded records are.
-#[derive(Debug)]
-pub enum Kept {
-    /// In the input alone.
-    Nowhere,
-    Memory(Vec<u8>),
-    /// In the scratch, at the unit's place.
-    Scratch,
-}
-
-impl Unit {
-    pub fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// The inputs with their headers read, and how they will be gone through.
 pub struct Opened {
     files: Vec<LasFile>,
     gps_time: Option<GpsTime>,
-    units: Vec<Unit>,
+    units: Vec<InputSlice>,
     points: u64,
     missing: u64,
     /// Whether all records fit the memory.
@@ -77,50 +44,6 @@ pub struct Opened {
     pub repairs: Vec<String>,
     /// What else is odd about them.
     pub notes: Vec<String>,
-}
-
-/// What the later stages go by.
-pub struct Survey {
-    pub inputs: Vec<Input>,
-    pub units: Vec<Unit>,
-    /// All of the inputs' points.
-    pub points: u64,
-    /// Points that the inputs promise beyond those.
-    pub missing: u64,
-    /// Which of them go into the octree, but for crowds.
-    pub region: Region,
-    pub lattice: Lattice,
-    pub cube: Cube,
-    pub unified: Unified,
-    pub plan: Plan,
-    /// For viewers: a proj4 string, or empty.
-    pub projection: String,
-    /// The coordinate reference system in words, or empty.
-    pub crs: String,
-    /// What the octree's GPS times count from, where the inputs say so.
-    pub gps_time: Option<GpsTime>,
-    /// How the COPC file is made, where one is asked for.
-    pub copc: Option<CopcPlan>,
-    /// Whether all records are in memory.
-    pub in_core: bool,
-    /// What the files were found to say that is not so; the points decided.
-    pub repairs: Vec<String>,
-    /// What else is odd about them.
-    pub notes: Vec<String>,
-}
-
-/// Memory that indexing a chunk of so many points takes, in bytes: two arrays
-/// of items and the finished records beside the raw ones.
-pub fn chunk_memory(points: u64, raw: u64, record: u64, options: &Options) -> u64 {
-    let averages = match options.lod_color {
-        LodColor::Keep => 0,
-        LodColor::Attribute | LodColor::Average => {
-            color_average::MEMORY + points * color_average::MEMORY_A_CANDIDATE
-        }
-    };
-    let twins = if options.twins == Mode::Keep { 0 } else { exact_duplicates::memory(points) };
-    let copc = if options.format.copc { copc::memory(points, record, options) } else { 0 };
-    points * (2 * 16 + 1 + raw + 2 * record) + (12 << 20) + averages + twins + copc
 }
 
 /// Opens the inputs, each a file.
@@ -186,7 +109,7 @@ pub fn survey(
     };
     let (findings, base) =
         counter.findings(points).map_err(|error| damaged_input::explain(error, context))?;
-    let Findings { found, census, region, repairs: more, notes: odd } = findings;
+    let CountingResult { found, census, region, repairs: more, notes: odd } = findings;
     repairs.extend(more);
     notes.extend(odd);
     let limit = chunk_plan::chunk_limit(points);
@@ -195,7 +118,7 @@ pub fn survey(
         sources.iter().cloned().zip(found.into_iter().map(|f| f.ored)).collect();
     let mut unified = Unified::new(&ored, &options.attributes, options.lod_color.second());
     check_wanted(options, &unified)?;
-    let Base { lattice, requantise, cube } = base;
+    let CoordinateFrame { lattice, requantise, cube } = base;
     let position = &mut unified.schema.attributes[0];
     (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
     let Reference { crs, projection } = reference::find(&files, options.crs.as_deref(), &lattice, &mut notes);
@@ -278,13 +201,13 @@ const MOST_UNITS: u64 = 1 << 16;
 
 /// Slices small enough to keep all cores busy to the end, large enough that
 /// their parts for one chunk are worth a read.
-fn cut_into_units(files: &[LasFile], points: u64) -> Vec<Unit> {
+fn cut_into_units(files: &[LasFile], points: u64) -> Vec<InputSlice> {
     let most = points_of_a_unit(points);
     let mut units = Vec::new();
     let mut end = 0;
     for (input, file) in files.iter().enumerate() {
         for slice in file.slices(most) {
-            units.push(Unit { input, slice, at: end, kept: Mutex::new(Kept::Nowhere) });
+            units.push(InputSlice { input, slice, at: end, kept: Mutex::new(CachedRecords::Nowhere) });
             end += u64::from(slice.points) * file.header().record_length as u64;
         }
     }
@@ -304,7 +227,7 @@ const IN_CORE_POINTS: u64 = 100_000_000;
 /// Whether all raw records fit the memory limit beside the work on them.
 fn fits_in_core(
     files: &[LasFile],
-    units: &[Unit],
+    units: &[InputSlice],
     points: u64,
     options: &Options,
     context: &Context,

@@ -10,9 +10,9 @@ use std::collections::{HashMap, HashSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::convert::counting::Findings;
-use crate::convert::octree_writer::{COPC, Each, NodeEntry, OCTREE};
-use crate::convert::set_aside::Range;
+use crate::convert::values::block::{COPC, Each, NodeEntry, OCTREE};
+use crate::convert::values::counting_result::CountingResult;
+use crate::convert::values::record_range::ExcludedRange;
 use crate::octree::moments::Moments;
 use crate::octree::node::NodeKey;
 use crate::octree::statistics::Statistics;
@@ -36,7 +36,7 @@ pub enum Receipt {
     /// A slice's decoded records lie at its place in the scratch, up to byte `end`.
     Spooled { unit: u32, end: u64 },
     /// The survey is over. Synced before anything else is done.
-    Surveyed(Findings),
+    Surveyed(CountingResult),
     /// From here on the slice's place may hold anything.
     Bucketing { unit: u32 },
     /// The slice's run lies at its place, up to byte `end`; points by chunk, in
@@ -68,16 +68,16 @@ pub struct Built {
     /// colours.
     pub statistics: Statistics,
     /// Its topmost node, which waits for the levels above.
-    pub root: Risen,
+    pub root: StoredRoot,
     /// Samples along its border, for those that touch it.
     pub halo: Span,
     /// What was kept out of the octree.
-    pub aside: Vec<Range>,
+    pub aside: Vec<ExcludedRange>,
 }
 
 /// A node whose points lie in the scratch until its parent has chosen from them.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-pub struct Risen {
+pub struct StoredRoot {
     pub node: NodeKey,
     pub has_children: bool,
     pub crowded: bool,
@@ -106,7 +106,7 @@ pub struct Past {
     spooled: HashSet<u32>,
     bucketing: HashSet<u32>,
     runs_end: u64,
-    pub surveyed: Option<Findings>,
+    pub surveyed: Option<CountingResult>,
     pub bucketed: HashMap<u32, Vec<(u32, u32)>>,
     pub built: HashMap<u32, Built>,
     /// Inode of the whole octree, and the outcome as JSON.

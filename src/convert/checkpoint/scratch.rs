@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 
 use super::journal::{self, Journal};
 use super::receipt::{Built, Ends, Identity, Past, Receipt, Span};
-use crate::convert::counting::Findings;
 use crate::convert::error::{Result, StageError};
-use crate::convert::octree_writer::{COPC, Each, OCTREE};
+use crate::convert::values::block::{COPC, Each, OCTREE};
+use crate::convert::values::counting_result::CountingResult;
 use crate::platform::disk::{DirLock, Disk, DiskFile};
 
 const JOURNAL: &str = "journal";
@@ -33,7 +33,7 @@ pub struct Scratch {
     identity: Identity,
     journal: Mutex<Journal>,
     /// Records of every slice, at places known beforehand.
-    pub runs: DiskFile,
+    pub runs: Arc<DiskFile>,
     /// Records of chunks' roots and samples along their borders, one behind the
     /// other as they come.
     risen: DiskFile,
@@ -41,7 +41,7 @@ pub struct Scratch {
     /// What earlier runs of this conversion did.
     pub past: Past,
     /// Blocks that lie in files of their own.
-    findings: Mutex<Option<Findings>>,
+    findings: Mutex<Option<CountingResult>>,
     spilled: Mutex<BTreeSet<u32>>,
     points: Mutex<Vec<Arc<DiskFile>>>,
     synced_at: Mutex<Instant>,
@@ -58,7 +58,7 @@ impl Scratch {
             disk: disk.clone(),
             identity,
             journal: Mutex::new(journal),
-            runs: disk.reopen(&folder.join(RUNS))?,
+            runs: Arc::new(disk.reopen(&folder.join(RUNS))?),
             risen: disk.reopen(&folder.join(RISEN))?,
             risen_end: AtomicU64::new(0),
             past: Past::default(),
@@ -111,7 +111,7 @@ impl Scratch {
         self.risen_end = AtomicU64::new(0);
         *lock(&self.findings) = None;
         lock(&self.spilled).clear();
-        for file in [&self.runs, &self.risen] {
+        for file in [&*self.runs, &self.risen] {
             file.cut_to(0)?;
         }
         Ok(())
@@ -161,13 +161,13 @@ impl Scratch {
     }
 
     /// What the survey of an earlier run found, to be taken once.
-    pub fn take_findings(&self) -> Option<Findings> {
+    pub fn take_findings(&self) -> Option<CountingResult> {
         lock(&self.findings).take()
     }
 
     /// Notes what the survey found, and makes all of it last: from here on slices
     /// are overwritten in place.
-    pub fn surveyed(&self, findings: Findings) -> Result<Findings> {
+    pub fn surveyed(&self, findings: CountingResult) -> Result<CountingResult> {
         let receipt = Receipt::Surveyed(findings);
         self.receipt(&receipt)?;
         self.sync()?;

@@ -6,7 +6,7 @@ mod writer;
 
 use serde::{Deserialize, Serialize};
 
-pub use plan::{CopcPlan, complete, file_name};
+pub use plan::{complete, file_name};
 pub use writer::CopcWriter;
 
 use super::options::{Mode, Options};

@@ -4,11 +4,12 @@
 use std::path::Path;
 
 use super::super::error::{Result, StageError};
-use super::super::octree_writer::{Finished, OCTREE};
+use super::super::folder_names::within_a_name;
 use super::super::options::Options;
-use super::super::publish::Octree;
-use super::super::staging::within_a_name;
-use super::super::survey::Survey;
+use super::super::values::block::OCTREE;
+use super::super::values::copc_plan::CopcPlan;
+use super::super::values::counted_inputs::Survey;
+use super::super::values::finished_files::{Finished, Octree};
 use super::CopcFile;
 use crate::format::copc::{
     ChunkEncoder, CopcCube, Described, ENDING, Entry, Head, Layout, Places, Record, Totals, tail,
@@ -16,16 +17,6 @@ use crate::format::copc::{
 use crate::format::las::{Created, GpsTime, LasFile, PassedOn};
 use crate::octree::attribute::{Attribute, Scalar, Schema};
 use crate::words;
-
-/// How the file is made.
-pub struct CopcPlan {
-    pub layout: Layout,
-    /// Where a record of the octree has its GPS time.
-    pub time_at: Option<usize>,
-    /// Where the points begin in the file, in bytes.
-    pub points_start: u64,
-    head: Head,
-}
 
 /// The name of the file in the octree's folder: the octree's, as far as a file can have
 /// it and is served under it.

@@ -2,9 +2,9 @@
 //! small subtrees joined to one leaf, each in the order in which it compresses best.
 
 use super::super::error::{Result, StageError};
-use super::super::octree_writer::{Block, NodeEntry};
-use super::super::survey::Survey;
-use super::plan::CopcPlan;
+use super::super::values::block::{Block, NodeEntry};
+use super::super::values::copc_plan::CopcPlan;
+use super::super::values::counted_inputs::Survey;
 use crate::format::copc::ChunkEncoder;
 use crate::octree::acquisition::Sorter;
 use crate::octree::collapse::{Below, Collapse, Final};

@@ -4,11 +4,11 @@
 
 use super::exact_duplicates;
 use crate::convert::context::Cancel;
-use crate::convert::distribute::{Part, Runs};
 use crate::convert::error::{Result, StageError};
 use crate::convert::options::{Mode, Options};
-use crate::convert::set_aside::{self, Range, Reason};
-use crate::convert::survey::Survey;
+use crate::convert::values::counted_inputs::Survey;
+use crate::convert::values::record_range::{self, ExcludedRange, Part, Reason};
+use crate::convert::values::runs::Runs;
 use crate::octree::chunk_plan::Chunk;
 use crate::octree::node::LEAF_LIMIT;
 
@@ -29,10 +29,10 @@ pub fn thin(
     parts: &[Part],
     options: &Options,
     cancel: &Cancel,
-) -> Result<(Vec<Part>, Vec<Range>)> {
+) -> Result<(Vec<Part>, Vec<ExcludedRange>)> {
     if options.twins == Mode::Keep {
         // The rest need not even be read.
-        return Ok(set_aside::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate));
+        return Ok(record_range::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate));
     }
     let mut seen = exact_duplicates::hashes(LEAF_LIMIT);
     let (mut kept, mut aside) = (Vec::new(), Vec::new());
@@ -49,9 +49,9 @@ pub fn thin(
             let one = Part { first: at, points: 1, ..block };
             let hash = exact_duplicates::hash(input.layout, record);
             if seen.contains(&hash) {
-                set_aside::put(&mut aside, one, Reason::Twin);
+                record_range::put(&mut aside, one, Reason::Twin);
             } else if seen.len() == LEAF_LIMIT {
-                set_aside::put(&mut aside, one, Reason::Duplicate);
+                record_range::put(&mut aside, one, Reason::Duplicate);
             } else {
                 seen.insert(hash);
                 keep(&mut kept, one);

@@ -1,74 +1,18 @@
-//! The region: which part of the cloud goes into the octree when its outliers do
-//! not. A point is inside if it lies in the kept cells of every census on which
-//! outliers were found; integers decide, and each census could reach all points
-//! that it was asked about.
+//! Outliers: finds the few points that are so far away that the octree of all would be
+//! levels deeper, and restricts the region that goes into it to the others.
 
-use serde::{Deserialize, Serialize};
-
-use crate::convert::counting::Base;
+use crate::convert::values::coordinate_frame::CoordinateFrame;
+use crate::convert::values::inlier_region::{Region, Restriction};
 use crate::format::las::LasFile;
 use crate::octree::counting_grid::{Census, Grid};
 use crate::octree::lattice::SourceGrid;
 use crate::octree::outliers::{self, Kept};
-use crate::octree::record;
 
 /// Scales on which outliers are looked for: an outlier a thousand times as far
 /// away hides one that is only a hundred times as far.
 const MOST_ROUNDS: usize = 8;
 
-/// Everywhere, until it is restricted.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Region {
-    restrictions: Vec<Restriction>,
-    /// Points outside.
-    pub outliers: u64,
-    /// The longest sides of the box with and without them, as world lengths.
-    sides: Option<(f64, f64)>,
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct Restriction {
-    base: Base,
-    /// From tree coordinates to the cells of the bounds, inclusive.
-    shift: u32,
-    low: [u32; 3],
-    high: [u32; 3],
-}
-
-impl Restriction {
-    #[inline]
-    fn holds(&self, input: usize, raw: [i32; 3]) -> bool {
-        let tree = self.base.cube.tree(self.base.requantise[input].stored(raw));
-        (0..3).all(|a| {
-            let cell = tree[a] >> self.shift;
-            self.low[a] <= cell && cell <= self.high[a]
-        })
-    }
-}
-
 impl Region {
-    pub fn is_everywhere(&self) -> bool {
-        self.restrictions.is_empty()
-    }
-
-    /// Whether a raw position of an input is inside.
-    #[inline]
-    pub fn holds(&self, input: usize, raw: [i32; 3]) -> bool {
-        self.restrictions.iter().all(|restriction| restriction.holds(input, raw))
-    }
-
-    /// The records of a block that are inside; where some are not, the others are
-    /// copied to `buffer`.
-    pub fn of<'b>(&self, input: usize, block: &'b [u8], length: usize, buffer: &'b mut Vec<u8>) -> &'b [u8] {
-        let inside = |r: &&[u8]| self.holds(input, record::raw_position(r));
-        if self.is_everywhere() || block.chunks_exact(length).all(|r| inside(&r)) {
-            return block;
-        }
-        buffer.clear();
-        block.chunks_exact(length).filter(inside).for_each(|r| buffer.extend_from_slice(r));
-        buffer
-    }
-
     /// The outliers of what is inside so far, where it has some.
     pub fn next(&self, census: &Census, points: u64) -> Option<Kept> {
         let most = outliers::most(points).saturating_sub(self.outliers);
@@ -81,7 +25,7 @@ impl Region {
     /// Leaves the outliers out; gives hints where in each file the rest lies.
     pub fn restrict(
         &mut self,
-        base: Base,
+        base: CoordinateFrame,
         census: &Census,
         kept: Kept,
         files: &[LasFile],

@@ -10,7 +10,7 @@ use crate::common::{context, octree_bytes, options_of, request, surface, write_l
 use lodestone::convert::context::{Context, Snapshot, Stage};
 use lodestone::convert::options::{Mode, Options};
 use lodestone::convert::run::{self, Outcome};
-use lodestone::convert::set_aside::Reason;
+use lodestone::convert::values::record_range::Reason;
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
 use lodestone::octree::node::LEAF_LIMIT;

@@ -10,7 +10,7 @@ use crate::common::judge::{
 };
 use crate::common::{convert, octree_bytes};
 use lodestone::convert::options::{Mode, Options, Sampling};
-use lodestone::convert::set_aside::Reason;
+use lodestone::convert::values::record_range::Reason;
 use lodestone::lab::synth::{Kind, Recipe};
 use lodestone::octree::chunk_plan::chunk_limit;
 use lodestone::octree::node::LEAF_LIMIT;
