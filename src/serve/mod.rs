@@ -18,16 +18,17 @@ pub mod scheduler;
 
 pub mod web;
 
+mod error;
 pub mod init;
 mod log_loop;
 mod scheduler_loop;
 pub mod signals;
 mod state_dir;
+mod systemd;
 mod watch_loop;
 
 use std::io::Write;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -38,34 +39,16 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::platform::clock::Clock;
-use crate::platform::disk::{Disk, DiskError};
+use crate::platform::disk::Disk;
 use crate::serve::config::Config;
 use crate::serve::metrics::Metrics;
+use crate::serve::queue::Store;
 use crate::serve::queue::progress::Board;
-use crate::serve::queue::{Store, StoreError};
 use crate::serve::scheduler::converter::Converter;
 use crate::serve::scheduler::{Engine, Tools};
+pub use error::DaemonError;
+use systemd::tell_systemd;
 use web::Shared;
-
-#[derive(Debug, thiserror::Error)]
-pub enum DaemonError {
-    #[error(transparent)]
-    Disk(#[from] DiskError),
-    #[error("another Lodestone works in {} (its lock {} is held); stop that one, or give this one its own --root", root.display(), lock.display())]
-    Locked { root: PathBuf, lock: PathBuf },
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    #[error("could not listen on {address}: {source} (is the port taken? see --listen)")]
-    Listen {
-        address: SocketAddr,
-        #[source]
-        source: std::io::Error,
-    },
-    #[error("could not start: {0}")]
-    Start(#[source] std::io::Error),
-    #[error("a metric stands twice: {0}")]
-    Metrics(#[from] prometheus::Error),
-}
 
 /// Runs until a signal, and returns when all is put away.
 pub fn run(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonError> {
@@ -173,11 +156,4 @@ fn tell_where(config: &Config, address: SocketAddr) {
 /// The address as it can be given to a browser: "all addresses" is none.
 fn reachable(address: SocketAddr) -> String {
     if address.ip().is_unspecified() { format!("localhost:{}", address.port()) } else { address.to_string() }
-}
-
-fn tell_systemd(states: &[NotifyState]) {
-    // Without systemd this does nothing.
-    if let Err(error) = sd_notify::notify(states) {
-        tracing::debug!(%error, "systemd was not told");
-    }
 }

@@ -1,4 +1,4 @@
-//! Turns the engine's wheel: at every bell, when something is due, and every
+//! Has the engine tick: at every bell, when something is due, and every
 //! second anyway.
 
 use std::time::Duration;
@@ -6,6 +6,7 @@ use std::time::Duration;
 use sd_notify::NotifyState;
 use tokio_util::sync::CancellationToken;
 
+use super::systemd::tell_systemd;
 use crate::serve::scheduler::Engine;
 use crate::serve::web::Shared;
 
@@ -34,7 +35,7 @@ pub(super) async fn run(engine: &mut Engine, shared: &Shared, stop: &Cancellatio
             health.last_tick = now;
             health.queue_error = error;
         });
-        super::tell_systemd(&[NotifyState::Watchdog]);
+        tell_systemd(&[NotifyState::Watchdog]);
         tokio::select! {
             () = shared.bell.notified() => {}
             () = tokio::time::sleep(pause) => {}

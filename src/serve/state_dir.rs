@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::DaemonError;
+use super::error::DaemonError;
 use crate::platform::disk::{Disk, DiskError};
 use crate::serve::config::Config;
 

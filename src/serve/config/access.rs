@@ -4,7 +4,8 @@
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
-use super::{ConfigError, Layer, wrong};
+use super::error::{ConfigError, wrong};
+use super::layer::Layer;
 
 /// Shorter secrets are guessed.
 const SHORTEST: usize = 8;

@@ -7,6 +7,7 @@
 
 pub mod access;
 pub mod age;
+mod error;
 pub mod hook;
 mod layer;
 pub mod logging;
@@ -21,25 +22,13 @@ use crate::platform::limits;
 use crate::render::color::ColorBy;
 use crate::serve::job::retry_policy::Policy;
 use access::{Access, PublicUrl, is_loopback};
+pub use error::ConfigError;
+use error::wrong;
 use hook::Hook;
 pub use layer::Layer;
 use logging::LogFormat;
 use size::Size;
 use sources::OnDone;
-
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    #[error("could not read the configuration {}: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
-    #[error("the configuration {} is wrong: {message}", path.display())]
-    Parse { path: PathBuf, message: String },
-    #[error("`{key}` (flag --{}, environment LODESTONE_{}): {message}", key.replace('_', "-"), key.to_uppercase())]
-    Value { key: &'static str, message: String },
-}
 
 /// Memory that a conversion needs to work out of core with usual records.
 pub const LEAST_MEMORY: u64 = 64 << 20;
@@ -255,10 +244,6 @@ impl Config {
             upload_limit: Some(Size(self.upload_limit)),
         }
     }
-}
-
-fn wrong(key: &'static str, message: impl Into<String>) -> ConfigError {
-    ConfigError::Value { key, message: message.into() }
 }
 
 fn millis(key: &'static str, seconds: Option<f64>, default: f64) -> Result<i64, ConfigError> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
-use super::{Result, StoreError};
+use super::error::{Result, StoreError};
 use crate::serve::job::{Input, Job, State, Wish};
 
 pub(super) fn state(row: &SqliteRow) -> Result<State> {

@@ -1,22 +1,17 @@
 //! The janitor clears scratch and staging folders of jobs that have no work
 //! before them. Only folders whose names are ours to give: the number of a job.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::publish;
+use super::folders;
 use crate::platform::disk::Disk;
 use crate::serve::config::Config;
 use crate::serve::job::JobId;
 
-/// A job's own folder for intermediate files.
-pub fn scratch_of(config: &Config, job: JobId) -> PathBuf {
-    config.scratch().join(format!("job-{job}"))
-}
-
 /// Jobs that have something in scratch or staging.
 pub fn present(config: &Config) -> Vec<JobId> {
     let mut jobs = Vec::new();
-    for (folder, prefix) in [(config.scratch(), "job-"), (publish::staging_area(config), "")] {
+    for (folder, prefix) in [(config.scratch(), "job-"), (folders::staging_area(config), "")] {
         let Ok(entries) = std::fs::read_dir(folder) else { continue };
         let names = entries.flatten().map(|entry| entry.file_name());
         jobs.extend(names.filter_map(|name| job_of(name.to_str()?, prefix)));
@@ -27,7 +22,7 @@ pub fn present(config: &Config) -> Vec<JobId> {
 /// Clears what does not belong to one of the `open` jobs, and says so.
 pub fn sweep(config: &Config, disk: &Disk, open: &[JobId]) {
     sweep_folder(&config.scratch(), "job-", disk, open);
-    sweep_folder(&publish::staging_area(config), "", disk, open);
+    sweep_folder(&folders::staging_area(config), "", disk, open);
 }
 
 fn sweep_folder(folder: &Path, prefix: &str, disk: &Disk, open: &[JobId]) {

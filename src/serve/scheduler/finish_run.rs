@@ -2,14 +2,17 @@
 //! record it, and tell.
 
 use super::converter::{Failure, Report};
+use super::engine::{Engine, Running};
+use super::folders::staging;
+use super::standstill::reason;
+use super::stop::{Stop, wish_end};
 use super::worker::Finished;
-use super::{Engine, Running, Stop, preflight, publish, sources, stall_detection};
+use super::{preflight, publish, sources};
 use crate::platform::clock::Millis;
 use crate::platform::disk::{inode, seal};
 use crate::serve::config::sources::OnDone;
 use crate::serve::job::Event;
 use crate::serve::job::State;
-use crate::serve::job::Wish;
 use crate::serve::job::retry_policy::End;
 use crate::serve::job::state_machine;
 use crate::serve::queue::{Ending, Result};
@@ -59,8 +62,8 @@ impl Engine {
                 }
                 let what = if doubt.is_some() { OnDone::Keep } else { what };
                 self.tools.store.owe_sources(id, &self.owner, what).await?;
-                let staging = publish::staging(&self.tools.config, id);
-                let (inode, seal) = (inode(&staging).unwrap_or(0), seal(&staging));
+                let folder = staging(&self.tools.config, id);
+                let (inode, seal) = (inode(&folder).unwrap_or(0), seal(&folder));
                 let (now, result, store) = (self.tools.clock.now(), result.to_string(), &self.tools.store);
                 let staged = (inode, seal.as_deref());
                 if inode != 0 && !store.stage(id, &self.owner, staged, &result, now).await? {
@@ -146,22 +149,13 @@ fn add_note(report: &mut serde_json::Value, doubt: &str, what: OnDone) {
     }
 }
 
-pub(super) fn wish_end(wish: Wish) -> End {
-    match wish {
-        Wish::Cancel => End::Cancelled,
-        Wish::Pause => End::Paused,
-    }
-}
-
 /// How a run that failed is judged: what we stopped ourselves is no failure.
 fn failing(running: &Running, failure: &Failure, stall: Option<Millis>) -> Ending {
     let error = Some(failure.message.clone());
     match running.stop {
         Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
         Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
-        Some(Stop::Stalled) => {
-            Ending { end: End::Crashed, error: Some(stall_detection::reason(stall.unwrap_or_default())) }
-        }
+        Some(Stop::Stalled) => Ending { end: End::Crashed, error: Some(reason(stall.unwrap_or_default())) },
         None if failure.panicked => Ending { end: End::Panicked, error },
         None if failure.may_pass => Ending { end: End::Passing, error },
         None => Ending { end: End::Hopeless, error },

@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use tokio::task::{JoinHandle, JoinSet};
 
-use super::Tools;
 use super::hook::{self, Ended};
 use super::preview::{Previews, Room};
 use super::sources::{self, Left, Plan, PutAway};
+use super::tools::Tools;
 use super::verification::Verifications;
 use super::virtual_cloud::VirtualCloud;
 use crate::convert::context::Cancel;

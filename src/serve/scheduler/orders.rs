@@ -1,6 +1,7 @@
 //! What operators order while jobs run: of one of them, or of all.
 
-use super::{Engine, Stop};
+use super::engine::Engine;
+use super::stop::Stop;
 use crate::serve::queue::Result;
 
 impl Engine {

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, access};
 
-use super::{Tools, cleanup, publish};
+use super::folders;
+use super::tools::Tools;
 use crate::serve::config::size::Size;
 use crate::serve::config::{Config, LEAST_MEMORY};
 use crate::serve::job::{Input, Job};
@@ -98,7 +99,7 @@ pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) ->
     };
     // What an earlier attempt left, this one goes on from: a job must not be kept
     // from its end by its own beginning.
-    let taken: u64 = [cleanup::scratch_of(&tools.config, job.id), publish::staging(&tools.config, job.id)]
+    let taken: u64 = [folders::scratch_of(&tools.config, job.id), folders::staging(&tools.config, job.id)]
         .iter()
         .map(|folder| allocated(folder))
         .sum();

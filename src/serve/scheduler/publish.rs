@@ -6,24 +6,14 @@
 //! swap exchanges their names, and looks the same from both sides.
 
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::Tools;
 use super::converter::Failure;
+use super::folders::staging;
+use super::tools::Tools;
 use crate::platform::disk::{Disk, DiskError, inode};
-use crate::serve::config::Config;
-use crate::serve::job::{Job, JobId};
+use crate::serve::job::Job;
 use crate::serve::queue::StoreError;
-
-/// Where octrees wait to be published.
-pub(super) fn staging_area(config: &Config) -> PathBuf {
-    config.octrees().join(".staged")
-}
-
-/// Where a job's octree is made.
-pub(super) fn staging(config: &Config, job: JobId) -> PathBuf {
-    staging_area(config).join(job.to_string())
-}
 
 /// More names in a row are not taken away under our hands.
 const TRIES: usize = 8;

@@ -5,10 +5,11 @@
 use std::sync::Arc;
 
 use super::converter::Work;
+use super::engine::{Engine, Running};
 use super::preflight::{self, Lane};
 use super::preview::Room;
-use super::stall_detection::Pulse;
-use super::{Engine, Running, cleanup, publish, worker};
+use super::standstill::Pulse;
+use super::{folders, worker};
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::convert::options::Options;
 use crate::platform::clock::Millis;
@@ -172,7 +173,7 @@ impl Engine {
         let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
         let context = Context {
             disk: self.tools.disk.clone(),
-            scratch: cleanup::scratch_of(config, job.id),
+            scratch: folders::scratch_of(config, job.id),
             threads: config.threads,
             memory_limit: lane.memory(config),
             cancel: cancel.clone(),
@@ -180,7 +181,7 @@ impl Engine {
         };
         // The staging folder's name is nothing to go by.
         options.name.get_or_insert_with(|| job.name.clone());
-        let work = Work::new(inputs, publish::staging(config, job.id), options);
+        let work = Work::new(inputs, folders::staging(config, job.id), options);
         self.tools.metrics.attempts.inc();
         self.tools.board.hang_up(job.id, progress, now);
         let id = job.id;

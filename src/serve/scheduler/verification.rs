@@ -9,7 +9,8 @@ use tokio::sync::oneshot;
 use tokio::sync::oneshot::error::TryRecvError;
 
 use super::preflight::{self, Lane};
-use super::{Tools, worker};
+use super::tools::Tools;
+use super::worker;
 use crate::convert::options::{Damaged, Options};
 use crate::serve::job::{Input, Job, JobId};
 use crate::serve::queue::Result;

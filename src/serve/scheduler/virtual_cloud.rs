@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use tokio::task::JoinHandle;
 
-use super::Tools;
+use super::tools::Tools;
 use crate::export::vpc;
 use crate::platform::clock::Millis;
 use crate::platform::disk::Disk;

@@ -6,7 +6,7 @@
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-use super::FileStamp;
+use super::file_stamp::FileStamp;
 use super::settle::{NotYet, Wholeness};
 use super::waiting::Kind;
 use super::zeros::{self, Holes};

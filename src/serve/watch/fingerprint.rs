@@ -3,10 +3,11 @@
 
 use std::io::{self, Read};
 
+use super::file_stamp::FileStamp;
+use super::found::Found;
 use super::settle::NotYet;
 use super::waiting::Kind;
 use super::zeros::ZeroRun;
-use super::{FileStamp, Found};
 use crate::convert::options::Options;
 use crate::format::las::Layout;
 use crate::platform::disk::others::{self, Links};

@@ -12,8 +12,10 @@
 
 mod completeness;
 pub mod events;
+mod file_stamp;
 pub mod fingerprint;
 mod foreign;
+mod found;
 pub mod marker;
 pub mod names;
 mod open_writers;
@@ -23,64 +25,15 @@ pub mod waiting;
 mod zeros;
 
 use std::collections::{HashMap, HashSet};
-use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::platform::clock::Millis;
-use marker::Marker;
+pub use file_stamp::FileStamp;
+pub use found::Found;
 use settle::{Decision, Limits, NotYet, Sight, Wholeness};
 use waiting::{Kind, Waiting};
-
-/// What a file looked like, without opening it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FileStamp {
-    pub path: PathBuf,
-    /// Bytes.
-    pub size: u64,
-    /// Nanoseconds since 1970.
-    pub mtime_ns: i64,
-    /// The file's number on its file system; zero where such numbers do not last.
-    pub inode: u64,
-    /// When anything of it changed last, its name among it; in nanoseconds since
-    /// 1970. Nobody can set it, as one can the other time.
-    pub ctime_ns: i64,
-}
-
-impl FileStamp {
-    pub fn new(path: &Path, meta: &fs::Metadata) -> FileStamp {
-        let ns = |seconds: i64, nanos: i64| seconds.saturating_mul(1_000_000_000).saturating_add(nanos);
-        FileStamp {
-            path: path.to_path_buf(),
-            size: meta.len(),
-            mtime_ns: ns(meta.mtime(), meta.mtime_nsec()),
-            inode: meta.ino(),
-            ctime_ns: ns(meta.ctime(), meta.ctime_nsec()),
-        }
-    }
-}
-
-/// A data set that is quiet and whole (or will not get whole any more).
-#[derive(Debug, Clone)]
-pub struct Found {
-    /// The file or folder in the watched folder.
-    pub path: PathBuf,
-    pub is_folder: bool,
-    /// The name that its octree should have.
-    pub name: String,
-    pub files: Vec<FileStamp>,
-    /// All sizes and times in one word, to know the data set again.
-    pub stamp: String,
-    pub marker: Option<Marker>,
-    /// Points that the headers claim.
-    pub points: u64,
-    /// Why it may not be whole, though its time was up: its sources stay.
-    pub doubt: Option<String>,
-    /// Why it cannot be converted as it was meant to be.
-    pub refusal: Option<String>,
-}
 
 /// What a scan saw.
 #[derive(Debug, Default)]

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FileType, Stat};
 
+use super::file_stamp::FileStamp;
+use super::found::Found;
 use super::marker::{self, Marker};
 use super::waiting::{Kind, Waiting};
-use super::{FileStamp, Found, completeness, events, foreign, names};
+use super::{completeness, events, foreign, names};
 use crate::format::inputs::DEEPEST_FOLDER;
 use crate::platform::disk::others::{self, Links};
 

@@ -17,8 +17,8 @@ use std::sync::Arc;
 use tokio::sync::oneshot;
 use tokio::sync::oneshot::error::TryRecvError;
 
-use super::Tools;
 use super::preflight::Lane;
+use super::tools::Tools;
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::platform::clock::Millis;
 use crate::platform::disk::{Disk, inode};

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, openat, statat};
 use rustix::io::Errno;
 
-use super::Left;
+use super::plan::{Left, full};
 use crate::serve::watch::names;
 
 const FOLDER: OFlags = OFlags::DIRECTORY.union(OFlags::NOFOLLOW).union(OFlags::CLOEXEC);
@@ -94,12 +94,12 @@ impl Looked {
 
     /// The folder that an entry lies in, opened link by link, and its name there.
     pub fn place(&self, entry: &Path) -> Result<(OwnedFd, PathBuf), Errno> {
-        let full = super::full(&self.name, entry);
+        let path = full(&self.name, entry);
         let mut folder = openat(&self.root, ".", FOLDER, Mode::empty())?;
-        for component in full.parent().into_iter().flat_map(Path::components) {
+        for component in path.parent().into_iter().flat_map(Path::components) {
             folder = openat(&folder, component.as_os_str(), FOLDER, Mode::empty())?;
         }
-        let name = full.file_name().ok_or(Errno::INVAL)?.into();
+        let name = path.file_name().ok_or(Errno::INVAL)?.into();
         Ok((folder, name))
     }
 

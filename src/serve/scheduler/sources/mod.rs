@@ -10,6 +10,7 @@
 //! off by a crash and begun again.
 
 mod listing;
+mod plan;
 mod relocate;
 
 use std::collections::{HashMap, HashSet};
@@ -24,46 +25,11 @@ use crate::serve::scheduler::converter::Report;
 use crate::serve::watch::marker::{self, Marker};
 use crate::serve::watch::{is_written, names};
 use listing::{Entry, Kind, Looked};
+use plan::full;
+pub(super) use plan::{Left, Plan, PutAway};
 
 /// What systems leave beside files is small, in bytes.
 const MOST_JUNK: u64 = 4 << 20;
-
-/// What is to be done with which sources.
-#[derive(Debug, Clone)]
-pub(super) struct Plan {
-    pub source: PathBuf,
-    /// The octree's name.
-    pub name: String,
-    pub revision: i64,
-    pub inputs: Vec<Input>,
-    pub what: OnDone,
-    /// The watched folders, and where sources are moved to.
-    pub roots: Vec<PathBuf>,
-    pub done: PathBuf,
-    /// Bytes that stay free on the disk that they are copied to.
-    pub reserve: u64,
-    /// Where the octree is to be, and what tells it from others.
-    pub octree: PathBuf,
-    pub seal: Option<String>,
-}
-
-/// What was done.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum PutAway {
-    Moved(PathBuf),
-    Removed,
-    /// There is nothing any more: done before a crash, or by somebody else.
-    Gone,
-}
-
-/// Why nothing was done.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Left {
-    /// It stays for good.
-    ForGood(String),
-    /// It is worth another try.
-    ForNow(String),
-}
 
 /// What the data set's own marker says, or else the configuration. A marker that
 /// cannot be understood keeps all.
@@ -80,24 +46,6 @@ pub(super) fn doubt(job: &Job, report: &Report) -> Option<String> {
     let missing = report.points_missing;
     let damaged = (missing > 0).then(|| format!("{missing} points of it could not be read"));
     job.doubt.clone().map(|doubt| format!("it may not be whole: {doubt}")).or(damaged)
-}
-
-impl Plan {
-    pub fn new(config: &Config, job: &Job, what: OnDone, inputs: Vec<Input>) -> Plan {
-        let roots = std::iter::once(config.inbox()).chain(config.watch.iter().cloned());
-        Plan {
-            source: job.source.clone(),
-            name: job.name.clone(),
-            revision: job.revision,
-            inputs,
-            what,
-            roots: roots.collect(),
-            done: config.done(),
-            reserve: config.disk_reserve,
-            octree: config.octrees().join(&job.name),
-            seal: job.octree.clone(),
-        }
-    }
 }
 
 /// Puts the sources away. Takes as long as copying takes, where they go to
@@ -208,11 +156,6 @@ fn check(plan: &Plan, looked: &Looked, ours: &HashSet<&Path>) -> Result<Vec<Inpu
         }
     }
     Ok(missing)
-}
-
-/// A path within a folder; joining an empty one would add a slash.
-fn full(folder: &Path, within: &Path) -> PathBuf {
-    if within.as_os_str().is_empty() { folder.to_path_buf() } else { folder.join(within) }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use rustix::fs::{AtFlags, CWD, RenameFlags, fsync, renameat_with, unlinkat};
 use rustix::io::Errno;
 
 use super::listing::{Entry, Kind, Looked, look};
-use super::{Left, Plan, full};
+use super::plan::{Left, Plan, full};
 use crate::convert::context::Cancel;
 use crate::platform::disk::{Disk, DiskError};
 use crate::serve::config::size::Size;
