@@ -8,55 +8,22 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::octrees;
 use super::previews::PreviewView;
-use super::{Shared, octrees};
+use super::refusal::Refusal;
+use super::shared::Shared;
 use crate::serve::config::age::Age;
 use crate::serve::job::facts::Facts;
 use crate::serve::job::{Event, Input, Job, JobId, State};
 use crate::serve::queue::progress::Reading;
-use crate::serve::queue::{self, Attempt, Drawn, History, Preview, StoreError};
+use crate::serve::queue::{self, Attempt, Drawn, History, Preview};
 
 const MONTH: Age = Age(30 * 86_400_000);
-
-/// An answer that says what went wrong.
-pub(super) struct Refusal(StatusCode, String);
-
-impl Refusal {
-    pub fn new(status: StatusCode, what: impl Into<String>) -> Refusal {
-        Refusal(status, what.into())
-    }
-}
 
 impl JobView {
     /// Whether what it made is published and was not replaced.
     pub fn stands(&self) -> bool {
         self.octree.is_some() || self.copc.is_some()
-    }
-}
-
-impl IntoResponse for Refusal {
-    fn into_response(self) -> Response {
-        (self.0, Json(json!({ "error": self.1 }))).into_response()
-    }
-}
-
-impl From<StoreError> for Refusal {
-    fn from(error: StoreError) -> Refusal {
-        let status = match &error {
-            StoreError::NoSuchJob(_) => StatusCode::NOT_FOUND,
-            StoreError::Illegal { .. } => StatusCode::CONFLICT,
-            StoreError::Open { .. }
-            | StoreError::Missing { .. }
-            | StoreError::Outdated { .. }
-            | StoreError::NotAQueue { .. }
-            | StoreError::Migrate { .. }
-            | StoreError::Query(_)
-            | StoreError::Unknown { .. } => {
-                tracing::error!(%error, "an API request failed");
-                StatusCode::SERVICE_UNAVAILABLE
-            }
-        };
-        Refusal(status, error.to_string())
     }
 }
 
@@ -145,7 +112,7 @@ pub(super) async fn list(
         None => None,
         Some(name) => Some(State::parse(&name.to_ascii_lowercase()).ok_or_else(|| {
             let names = State::ALL.map(State::name).join(", ");
-            Refusal(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
+            Refusal::new(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
         })?),
     };
     let limit = filter.limit.unwrap_or(200).clamp(1, 1000);
@@ -232,7 +199,7 @@ pub(super) async fn preview(
 ) -> Result<Response, Refusal> {
     if !shared.config.preview {
         let text = "this daemon makes no pictures (`preview = false` in its configuration)";
-        return Err(Refusal(StatusCode::CONFLICT, text.to_string()));
+        return Err(Refusal::new(StatusCode::CONFLICT, text.to_string()));
     }
     shared.store.order_preview(id, shared.clock.now()).await?;
     shared.bell.notify_one();
@@ -250,8 +217,9 @@ pub(super) async fn purge(Extract(shared): Extract<Shared>, body: Bytes) -> Resu
     let age = match body.trim_ascii() {
         [] => MONTH,
         body => {
-            let wish: Purge = serde_json::from_slice(body)
-                .map_err(|e| Refusal(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}")))?;
+            let wish: Purge = serde_json::from_slice(body).map_err(|e| {
+                Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}"))
+            })?;
             wish.older_than
         }
     };

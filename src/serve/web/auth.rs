@@ -10,9 +10,10 @@ use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Redirect, Response};
 
-use super::api::Refusal;
+use super::refusal::Refusal;
 use super::session::Identity;
-use super::{Shared, octrees, pages};
+use super::shared::Shared;
+use super::{octrees, pages};
 use crate::serve::config::Config;
 use crate::serve::config::access::{host_of, is_loopback};
 

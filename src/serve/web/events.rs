@@ -16,9 +16,10 @@ use serde::Serialize;
 use tokio::io::{AsyncWriteExt, DuplexStream};
 use tokio_util::io::ReaderStream;
 
-use super::Shared;
-use super::api::{self, Refusal};
+use super::api;
+use super::refusal::Refusal;
 use super::server::Peer;
+use super::shared::Shared;
 use super::streams::Place;
 use crate::serve::job::{Job, JobId};
 use crate::serve::queue::progress::Reading;

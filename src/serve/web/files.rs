@@ -14,7 +14,7 @@ use rustix::fs::OFlags;
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
-use super::api::Refusal;
+use super::refusal::Refusal;
 
 /// Read at a time.
 const BLOCK: usize = 64 * 1024;

@@ -10,7 +10,7 @@ use axum::extract::State as Extract;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-use super::{Health, Shared};
+use super::shared::{Health, Shared};
 use crate::platform::clock::Millis;
 
 /// A wheel that has not turned for so long hangs, in milliseconds. The engine

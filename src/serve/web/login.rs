@@ -9,8 +9,9 @@ use axum::http::header;
 use axum::response::{IntoResponse, Redirect, Response};
 use serde::Deserialize;
 
+use super::pages;
 use super::session::{self, Identity};
-use super::{Shared, pages};
+use super::shared::Shared;
 
 /// Before a wrong token is answered, so that guessing is slow.
 const PAUSE: Duration = Duration::from_millis(300);

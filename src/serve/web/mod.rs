@@ -16,15 +16,16 @@ mod login;
 mod octrees;
 mod pages;
 mod previews;
+mod refusal;
 mod seats;
 mod server;
 mod session;
+mod shared;
 mod steering;
 mod streams;
 mod watched;
 
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -32,83 +33,18 @@ use axum::extract::Request;
 use axum::http::StatusCode;
 use axum::middleware::from_fn_with_state;
 use axum::routing::{delete, get, post};
-use serde::Serialize;
-use tokio::sync::{Notify, Semaphore};
-use tokio_util::sync::CancellationToken;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
-
-use crate::platform::clock::{Clock, Millis};
-use crate::platform::disk::Disk;
-use crate::serve::config::Config;
-use crate::serve::metrics::Metrics;
-use crate::serve::queue::Store;
-use crate::serve::queue::progress::Board;
-use crate::serve::watch::events::Mode;
-use crate::serve::watch::waiting::Waiting;
 
 pub use pages::upload::{folder as uploads, places as upload_places};
 pub use pages::{Figures, Live};
 pub use server::serve;
+pub use shared::{Health, Shared};
 pub use streams::Streams;
 
 /// No request but an upload needs a body of more than a few words.
 const LONGEST_BODY: usize = 64 * 1024;
 const LONGEST_REQUEST: Duration = Duration::from_secs(30);
-
-/// What the daemon knows of itself besides the queue; written by its loops.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct Health {
-    /// The start is over: recovery done, the folders scanned once.
-    pub started: bool,
-    pub stopping: bool,
-    /// When the engine last turned.
-    pub last_tick: Millis,
-    /// Why the queue did not answer, where it does not.
-    pub queue_error: Option<String>,
-    pub last_scan: Millis,
-    /// Whether a scan is under way.
-    pub scanning: bool,
-    /// For how many seconds it has not got on.
-    pub watcher_stands: u64,
-    pub watched: Vec<(PathBuf, Mode)>,
-    pub missing: Vec<PathBuf>,
-    pub waiting: Vec<Waiting>,
-}
-
-/// What the handlers work with. Cheap to clone.
-#[derive(Clone)]
-pub struct Shared {
-    pub config: Arc<Config>,
-    pub store: Store,
-    pub board: Board,
-    pub metrics: Metrics,
-    pub clock: Clock,
-    pub disk: Disk,
-    pub health: Arc<Mutex<Health>>,
-    /// Wakes the engine after an order.
-    pub bell: Arc<Notify>,
-    /// Ends the event streams.
-    pub stop: CancellationToken,
-    /// Places for event streams.
-    pub streams: Streams,
-    /// Tells open pages what is new.
-    pub live: Live,
-    /// Places for uploads.
-    pub uploads: Arc<Semaphore>,
-    /// Of all jobs, for pages.
-    pub figures: Figures,
-}
-
-impl Shared {
-    pub fn health(&self) -> Health {
-        self.health.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    pub fn update_health(&self, change: impl FnOnce(&mut Health)) {
-        change(&mut self.health.lock().unwrap_or_else(PoisonError::into_inner));
-    }
-}
 
 /// All routes, as they are without the public address's path and below it: some
 /// proxies take it away, and others do not.

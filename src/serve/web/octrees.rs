@@ -12,7 +12,8 @@ use axum::response::Response;
 use axum::routing::get;
 use tower_http::cors::{Any, CorsLayer};
 
-use super::{Shared, files, previews};
+use super::shared::Shared;
+use super::{files, previews};
 use crate::serve::job::Job;
 
 /// For copies that may be kept and are asked for again each time: a name may stand

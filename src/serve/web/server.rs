@@ -22,7 +22,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-use super::api::Refusal;
+use super::refusal::Refusal;
 use super::seats::{Admitted, Place, Seats};
 use super::watched::{Counted, Watched};
 

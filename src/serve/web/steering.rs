@@ -8,8 +8,9 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::api::Refusal;
-use super::{Shared, pages};
+use super::pages;
+use super::refusal::Refusal;
+use super::shared::Shared;
 use crate::serve::job::{Job, JobId};
 use crate::serve::queue::{Mode, Share};
 

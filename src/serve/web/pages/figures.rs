@@ -8,9 +8,8 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Mutex;
 
-use super::super::Shared;
 use crate::platform::clock::Millis;
-use crate::serve::queue::{Result, Shown};
+use crate::serve::queue::{Result, Shown, Store};
 
 /// Hours of the small chart.
 pub(super) const HOURS: i64 = 24;
@@ -51,11 +50,11 @@ pub struct Figures {
 }
 
 impl Figures {
-    pub(super) async fn get(&self, shared: &Shared) -> Result<Totals> {
+    pub(super) async fn get(&self, store: &Store, now: Millis) -> Result<Totals> {
         // Held meanwhile: one asks, the others get its answer.
         let mut kept = self.kept.lock().await;
         // Before they are counted: what happens in between is counted once more.
-        let event = shared.store.latest_event().await?;
+        let event = store.latest_event().await?;
         let start = Instant::now();
         if let Some(kept) = &*kept {
             let is_true = kept.event == event && start - kept.at < LONGEST;
@@ -67,8 +66,8 @@ impl Figures {
             }
         }
         let totals = Totals {
-            counts: shared.store.shown_counts().await?,
-            hours: shared.store.done_by_hour(shared.clock.now() - HOURS * HOUR).await?,
+            counts: store.shown_counts().await?,
+            hours: store.done_by_hour(now - HOURS * HOUR).await?,
         };
         let rests_until = start + (start.elapsed() * PAUSE).min(LONGEST_PAUSE);
         *kept = Some(Kept { event, at: start, rests_until, totals: totals.clone() });

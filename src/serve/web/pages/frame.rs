@@ -7,8 +7,8 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use maud::{DOCTYPE, Markup, html};
 
-use super::super::Shared;
 use super::super::session::Role;
+use super::super::shared::Shared;
 use super::{assets, parts};
 
 /// The path under which all is served, as behind a proxy; empty, or without a

@@ -5,10 +5,11 @@ use axum::response::Response;
 use maud::{Markup, html};
 use serde::Deserialize;
 
-use super::super::Shared;
-use super::super::api::{self, JobView, Refusal};
+use super::super::api::{self, JobView};
 use super::super::octrees;
+use super::super::refusal::Refusal;
 use super::super::session::Role;
+use super::super::shared::Shared;
 use super::{attributes, frame, parts, result, share, verified, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::state_machine::next;

@@ -5,9 +5,10 @@ use axum::response::Response;
 use maud::{Markup, html};
 use serde::Deserialize;
 
-use super::super::Shared;
-use super::super::api::{self, JobView, Refusal};
+use super::super::api::{self, JobView};
+use super::super::refusal::Refusal;
 use super::super::session::Role;
+use super::super::shared::Shared;
 use super::{crs, frame, overview, parts, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::State;
@@ -95,7 +96,7 @@ pub(super) async fn page(
     let listing = asked.listing();
     let place = asked.at.as_deref().and_then(Place::parse);
     let page = shared.store.listing(&listing, place.as_ref(), JOBS).await?;
-    let totals = shared.figures.get(&shared).await?;
+    let totals = shared.figures.get(&shared.store, shared.clock.now()).await?;
     let counts = &totals.counts;
     let total = shared.store.total(&listing, &page, counts).await?;
     let all: i64 = counts.iter().filter(|(shown, _)| *shown != Shown::Dismissed).map(|(_, jobs)| jobs).sum();

@@ -6,7 +6,7 @@ use std::collections::hash_map::DefaultHasher;
 use std::fmt::Write;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use axum::body::Body;
@@ -19,11 +19,12 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, oneshot};
 use tokio_util::io::ReaderStream;
 
-use super::super::Shared;
-use super::super::api::Refusal;
+use super::super::refusal::Refusal;
 use super::super::server::Peer;
+use super::super::shared::Shared;
 use super::super::streams::Place;
 use super::parts;
+use super::subscribers::Live;
 
 const BEAT: Duration = Duration::from_millis(500);
 /// Beats between two looks at what is in no history, as files that wait.
@@ -34,23 +35,8 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// A reader that takes nothing for so long has gone to sleep.
 const SLOW: Duration = Duration::from_secs(20);
 const BUFFER: usize = 64 * 1024;
-/// Messages that a slow reader may be behind.
-const BEHIND: usize = 32;
 /// Lines of history that are told one by one; more are just "something changed".
 const MOST: i64 = 200;
-
-/// Who is told. Cheap to clone.
-#[derive(Debug, Clone)]
-pub struct Live {
-    sender: broadcast::Sender<Arc<str>>,
-    looking: Arc<AtomicBool>,
-}
-
-impl Default for Live {
-    fn default() -> Live {
-        Live { sender: broadcast::channel(BEHIND).0, looking: Arc::default() }
-    }
-}
 
 impl Live {
     /// Whoever fetches a page after this has come back misses nothing: what happens from

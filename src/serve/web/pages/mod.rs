@@ -9,7 +9,7 @@ mod assets;
 mod attributes;
 mod charts;
 mod crs;
-mod figures;
+pub(super) mod figures;
 mod frame;
 mod job;
 mod list;
@@ -20,6 +20,7 @@ mod overview;
 mod parts;
 mod result;
 pub(super) mod share;
+pub(super) mod subscribers;
 pub(super) mod upload;
 mod verified;
 mod words;
@@ -29,10 +30,11 @@ use axum::extract::DefaultBodyLimit;
 use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 
-use super::{Shared, octrees};
+use super::octrees;
+use super::shared::Shared;
 
 pub use figures::Figures;
-pub use live::Live;
+pub use subscribers::Live;
 
 /// Pages and forms that answer at once.
 pub(super) fn router(shared: &Shared) -> Router<Shared> {

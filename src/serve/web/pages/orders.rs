@@ -5,8 +5,8 @@ use axum::extract::{Form, Path, State as Extract};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Redirect, Response};
 
-use super::super::Shared;
-use super::super::api::Refusal;
+use super::super::refusal::Refusal;
+use super::super::shared::Shared;
 use super::frame;
 use crate::serve::job::{Event, JobId};
 use crate::serve::queue::{Listing, Mode, Shown};

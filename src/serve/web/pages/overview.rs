@@ -1,8 +1,8 @@
 //! What stands around the list: how the daemon is, what it may do, where files go
 //! and what waits there.
 
-use super::super::Shared;
-use super::super::api::Refusal;
+use super::super::refusal::Refusal;
+use super::super::shared::Shared;
 use super::figures::Totals;
 use super::{charts, figures, frame, parts, words};
 use crate::serve::job::State;

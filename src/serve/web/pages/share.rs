@@ -6,8 +6,9 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::Response;
 use maud::{Markup, html};
 
-use super::super::Shared;
-use super::super::api::{self, JobView, Refusal};
+use super::super::api::{self, JobView};
+use super::super::refusal::Refusal;
+use super::super::shared::Shared;
 use super::super::{files, octrees};
 use super::{attributes, crs, frame, parts, words};
 use crate::platform::clock::Millis;

@@ -17,8 +17,8 @@ use serde_json::json;
 use tokio::io::{AsyncWriteExt, BufWriter};
 use tokio::sync::Semaphore;
 
-use super::super::Shared;
-use super::super::api::Refusal;
+use super::super::refusal::Refusal;
+use super::super::shared::Shared;
 use super::{frame, words};
 use crate::platform::disk::{Disk, DiskError};
 use crate::serve::watch::{marker, names};
