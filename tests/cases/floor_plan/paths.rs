@@ -9,6 +9,11 @@ pub struct Named {
     pub line: usize,
     /// Inside a module that exists only under test.
     pub test: bool,
+    /// The name that a `use` gives it here, `*` for all names behind it; none where the
+    /// path is used as it is.
+    pub name: Option<String>,
+    /// Brought in for others too: `pub use`.
+    pub is_passed_on: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -46,19 +51,27 @@ pub fn named(source: &str, module: &[String]) -> Vec<Named> {
                 }
                 at += 1;
             }
-            Token::Word(word) if word == "use" => {
+            // `pub(in path)` says who may see something, and imports nothing.
+            Token::Word(word) if word == "in" && is(&tokens, at.wrapping_sub(1), &Token::Sign('(')) => {
                 at += 1;
-                for path in tree(&tokens, &mut at) {
+                straight(&tokens, &mut at);
+                continue;
+            }
+            Token::Word(word) if word == "use" => {
+                let is_passed_on = is_public(&tokens, at);
+                at += 1;
+                for (path, name) in tree(&tokens, &mut at) {
                     let path = absolute(path, &here);
-                    local.push(path.last().cloned().unwrap_or_default());
-                    found.push(Named { path, line: *line, test });
+                    local.push(name.clone());
+                    found.push(Named { path, line: *line, test, name: Some(name), is_passed_on });
                 }
             }
             Token::Word(_) if !is(&tokens, at.wrapping_sub(1), &Token::Path) => {
                 let path = straight(&tokens, &mut at);
                 // A name that a `use` brought in is no root.
                 if path.len() > 1 && !local.contains(&path[0]) {
-                    found.push(Named { path: absolute(path, &here), line: *line, test });
+                    let path = absolute(path, &here);
+                    found.push(Named { path, line: *line, test, name: None, is_passed_on: false });
                 }
                 continue;
             }
@@ -71,6 +84,16 @@ pub fn named(source: &str, module: &[String]) -> Vec<Named> {
 
 fn is(tokens: &[(Token, usize)], at: usize, wanted: &Token) -> bool {
     tokens.get(at).is_some_and(|(token, _)| token == wanted)
+}
+
+/// Whether `pub`, or `pub(…)`, stands in front of the token at `at`.
+fn is_public(tokens: &[(Token, usize)], at: usize) -> bool {
+    let mut before = at.wrapping_sub(1);
+    if is(tokens, before, &Token::Sign(')')) {
+        let open = tokens[..before].iter().rposition(|(token, _)| *token == Token::Sign('('));
+        before = open.unwrap_or(0).wrapping_sub(1);
+    }
+    is(tokens, before, &Token::Word("pub".to_string()))
 }
 
 /// A path without braces; `at` ends behind it.
@@ -87,8 +110,8 @@ fn straight(tokens: &[(Token, usize)], at: &mut usize) -> Vec<String> {
     path
 }
 
-/// The paths of a `use` tree; `at` ends at its last token.
-fn tree(tokens: &[(Token, usize)], at: &mut usize) -> Vec<Vec<String>> {
+/// The paths of a `use` tree with the names that they get; `at` ends at its last token.
+fn tree(tokens: &[(Token, usize)], at: &mut usize) -> Vec<(Vec<String>, String)> {
     if is(tokens, *at, &Token::Path) {
         *at += 1;
     }
@@ -102,21 +125,30 @@ fn tree(tokens: &[(Token, usize)], at: &mut usize) -> Vec<Vec<String>> {
                     *at += 1;
                     continue;
                 }
-                for rest in tree(tokens, at) {
-                    paths.push(prefix.iter().cloned().chain(rest).collect());
+                for (rest, name) in tree(tokens, at) {
+                    let own = || prefix.last().cloned().unwrap_or_default();
+                    let name = if rest == ["self"] && name == "self" { own() } else { name };
+                    paths.push((prefix.iter().cloned().chain(rest).collect(), name));
                 }
             }
             *at += 1;
         }
         Some((Token::Sign('*'), _)) => {
             *at += 1;
-            paths.push(prefix.into_iter().chain(["*".to_string()]).collect());
+            paths.push((prefix.into_iter().chain(["*".to_string()]).collect(), "*".to_string()));
         }
         Some((Token::Word(word), _)) if word == "as" => {
-            *at += 2; // renamed: the path is what counts
-            paths.push(prefix);
+            let name = match tokens.get(*at + 1) {
+                Some((Token::Word(name), _)) => name.clone(),
+                _ => String::new(),
+            };
+            *at += 2;
+            paths.push((prefix, name));
         }
-        _ => paths.push(prefix),
+        _ => {
+            let name = prefix.last().cloned().unwrap_or_default();
+            paths.push((prefix, name));
+        }
     }
     paths
 }
