@@ -9,7 +9,7 @@
 use super::chunks::{Chunk, Layout};
 use super::coding::Coding;
 use super::explore::{ExploredTo, Explorer};
-use super::reader::Body;
+use super::points::Body;
 use super::source::Source;
 use super::{LasError, LasFile, Slice};
 
