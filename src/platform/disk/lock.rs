@@ -87,6 +87,8 @@ pub(super) fn try_lock(path: &Path) -> Result<Option<DirLock>> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use super::*;
 
     #[test]
@@ -102,5 +104,29 @@ mod tests {
         assert!(second.is_at(&path) && try_lock(&other).expect("asked").is_none());
         fs::remove_dir(&path).expect("removed");
         assert!(!second.is_at(&path) && lock_if_there(&path).is_none());
+    }
+
+    #[test]
+    fn a_folder_that_others_take_away_is_made_nevertheless() {
+        let root = tempfile::tempdir().expect("a folder");
+        let path = root.path().join("a");
+        let done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    let _ = fs::create_dir(&path);
+                    let _ = fs::remove_dir(&path);
+                }
+            });
+            let disk = Disk::new();
+            let made = (0..20_000).try_for_each(|_| disk.create_dir_all(&path));
+            done.store(true, Ordering::Relaxed);
+            made.expect("made");
+        });
+        fs::create_dir_all(&path).expect("made");
+        fs::remove_dir(&path).expect("removed");
+        fs::write(&path, "in its place").expect("written");
+        let refused = Disk::new().create_dir_all(&path).expect_err("a file is there");
+        assert_eq!(refused.source.kind(), io::ErrorKind::AlreadyExists);
     }
 }

@@ -27,6 +27,11 @@ use others::Links;
 pub use replace::inode;
 pub use seal::seal;
 
+/// Whether nothing but a folder is at this path.
+fn may_be_made(path: &Path) -> bool {
+    path.symlink_metadata().map_or_else(|e| e.kind() == io::ErrorKind::NotFound, |meta| meta.is_dir())
+}
+
 /// What went wrong with which file, and what to do about it.
 #[derive(Debug, thiserror::Error)]
 #[error("could not {action} {}: {source}{}", path.display(), advice(source))]
@@ -133,7 +138,13 @@ impl Disk {
 
     pub fn create_dir_all(&self, path: &Path) -> Result<()> {
         self.strike("make the folder", path)?;
-        fs::create_dir_all(path).map_err(|e| DiskError::new("make the folder", path, e))
+        loop {
+            match fs::create_dir_all(path) {
+                // It was there, and had another name, or was gone, when it was looked at.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && may_be_made(path) => {}
+                made => return made.map_err(|e| DiskError::new("make the folder", path, e)),
+            }
+        }
     }
 
     /// Creates a file, or empties the one that is there.
