@@ -155,7 +155,11 @@ fn replay(ledger: &mut Ledger, books: &Books, jobs: &[Job]) -> Result<(), Broken
                 None => continue,
             },
         };
-        let state = ledger.states.get(job).copied().ok_or(format!("job {job} began with {kind}"))?;
+        let state = ledger.states.get(job).copied().ok_or_else(|| {
+            let told: Vec<&str> =
+                books.events.iter().filter(|(_, of, _)| of == job).map(|(.., kind)| kind.as_str()).collect();
+            format!("job {job} began with {kind}: {told:?}")
+        })?;
         let next =
             state_machine::next(state, event).ok_or(format!("job {job}: {kind} of a {state:?} job"))?;
         ledger.states.insert(*job, next);
@@ -286,11 +290,12 @@ pub fn hold_in_the_end(world: &mut World) -> Result<(), Broken> {
         }
         let data_set = books.data_sets.iter().find(|(path, ..)| *path == place);
         let job = data_set.and_then(|(_, _, job)| *job);
-        // A file that failed long ago stays known, though its record is purged.
+        // A file that failed long ago, or that somebody called off, stays known, though its
+        // record is purged.
         let purged = world.ledger.states.iter().any(|(id, state)| {
-            matches!(state, State::Failed | State::Quarantined)
-                && world.ledger.contents[id] == content
-                && jobs.iter().all(|job| job.id != *id)
+            let ended = matches!(state, State::Failed | State::Quarantined)
+                || (*state == State::Cancelled && world.ordered.contains(id));
+            ended && world.ledger.contents[id] == content && jobs.iter().all(|job| job.id != *id)
         });
         if data_set.is_some() && job.is_none() && purged {
             continue;

@@ -30,9 +30,9 @@ pub fn step(world: &mut World, dice: &mut Dice) -> Result<String, Broken> {
         18..22 => Ok(delete(world, dice)),
         22..26 => Ok(rename(world, dice)),
         26..27 => Ok(touch(world, dice)),
-        27..28 => Ok(swap_quietly(world, dice)),
-        28..29 => Ok(half_removed(world, dice)),
-        29..50 => scan(world, dice),
+        27..29 => Ok(swap_quietly(world, dice)),
+        29..30 => Ok(half_removed(world, dice)),
+        30..50 => scan(world, dice),
         50..70 => tick(world, dice),
         70..74 => {
             let millis = dice.below(20_000) as i64;
@@ -196,9 +196,16 @@ fn touch(world: &mut World, dice: &mut Dice) -> String {
     format!("{} is touched", path.display())
 }
 
-/// Other content of the same size and time, as a copy that keeps times brings it.
+/// Other content of the same size and time, as a copy that keeps times brings it; best
+/// to what was converted and is about to be removed.
 fn swap_quietly(world: &mut World, dice: &mut Dice) -> String {
-    let path = place(world, dice);
+    let now = world.now();
+    let owed: Vec<PathBuf> = world.life.as_ref().map_or_else(Vec::new, |life| {
+        let jobs = life.runtime.block_on(life.store.sources_owed(now, 0, 10)).expect("answers");
+        let inputs = |id| life.runtime.block_on(life.store.inputs(id)).expect("answers");
+        jobs.iter().flat_map(|(job, _)| inputs(job.id)).map(|input| input.path).collect()
+    });
+    let path = if owed.is_empty() { place(world, dice) } else { dice.pick(&owed).clone() };
     let alike = content::ALIKE.map(content::bytes);
     let (Ok(there), Ok(meta)) = (fs::read(&path), fs::metadata(&path)) else {
         return "nothing to swap".into();

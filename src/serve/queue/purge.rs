@@ -13,13 +13,15 @@ use super::{Result, Store};
 use crate::serve::job::{JobId, State};
 
 /// Ended before a time, owing nothing, and not what another job is said to be
-/// superseded by: that one would seem to stand again. The youngest stays, or its
-/// number would be given away once more.
+/// superseded by: that one would seem to stand again. The youngest stays, and so does
+/// the one of the last event, or their numbers would be given away once more: whoever
+/// asks for events behind a number would miss some.
 macro_rules! old {
     () => {
         "state IN ('done', 'failed', 'quarantined', 'cancelled') AND finished_at < ? \
          AND sources IS NULL AND hook IS NULL \
          AND id < (SELECT max(id) FROM job) \
+         AND id IS NOT (SELECT job FROM event ORDER BY id DESC LIMIT 1) \
          AND NOT EXISTS (SELECT 1 FROM job AS other WHERE other.superseded_by = job.id)"
     };
 }

@@ -234,6 +234,31 @@ async fn old_records_go_but_never_one_that_stands_for_an_octree() {
     assert_eq!(store.purge(now - DAY, &octrees).await.unwrap(), 0);
 }
 
+/// Whoever asks what happened behind an event's number misses nothing.
+#[tokio::test]
+async fn numbers_of_events_are_not_given_away_again() {
+    let mut house = House::with_limit("").await;
+    let store = house.tools.store.clone();
+    let octrees = house.tools.config.octrees();
+    let mut jobs = Vec::new();
+    for name in ["a", "b"] {
+        let job = house.drop_file(name, name).await.job();
+        house.turn_until(job, State::Done).await;
+        jobs.push(job);
+    }
+    std::fs::remove_dir_all(octrees.join("a")).unwrap();
+    house.live(15).await;
+    let now = house.tools.clock.now();
+    store.set_priority(jobs[0], 5, now).await.unwrap();
+    let last = store.latest_event().await.unwrap();
+    assert_eq!(store.purge(now + DAY, &octrees).await.unwrap(), 0, "the last event is its");
+    let new = house.drop_file("c", "c").await.job();
+    let since = store.jobs_since(last, 10).await.unwrap();
+    assert!(since.iter().any(|job| job.id == new), "{since:?}");
+    assert_eq!(store.purge(now + DAY, &octrees).await.unwrap(), 1);
+    assert!(store.job(jobs[0]).await.is_err());
+}
+
 #[tokio::test]
 async fn the_engine_removes_old_records_by_itself_and_histories_stay_short() {
     let mut house = House::with_limit("keep_days = 30").await;

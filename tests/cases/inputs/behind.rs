@@ -14,6 +14,10 @@ fn files_with_something_behind_hold_only_points() {
     for name in ["c10a_evlr_count0.las", "c10a_evlr_count1.las", "c10b_zero_padded.las"] {
         becomes(&cases.join(name), folder.path(), 2_000);
     }
+    // And where nothing is wrong, nothing is said.
+    becomes(&cases.join("c30_good.las"), folder.path(), 300);
+    let said = convert(&cases.join("c30_good.las"), &folder.path().join("octree"), "fail").said;
+    assert!(!said.contains("note: "), "{said}");
 }
 
 /// An extended record with WKT.
