@@ -125,11 +125,21 @@ pub fn optional_switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Opt
     Ok(Option::<Value>::deserialize(deserializer)?.map(|value| value.0))
 }
 
-/// A number for people: as it is written usually, and where that would be a row of
-/// zeros with its power of ten.
+/// A number for people: as it is written usually, without the noise of binary digits
+/// behind the fifteenth, and where that would be a row of zeros with its power of ten.
 pub fn number(value: f64) -> String {
+    plainly(rounded(value, 15))
+}
+
+/// A number of single precision, which has noise behind its seventh digit: the shortest
+/// that is read as the same.
+pub fn number_32(value: f32) -> String {
+    plainly(value.to_string().parse().unwrap_or(f64::from(value)))
+}
+
+fn plainly(value: f64) -> String {
     match value.abs() {
-        size if size.is_finite() && size != 0.0 && !(1e-9..1e15).contains(&size) => format!("{value:e}"),
+        size if size.is_finite() && size != 0.0 && !(1e-6..1e15).contains(&size) => format!("{value:e}"),
         _ => value.to_string(),
     }
 }
@@ -145,6 +155,35 @@ pub fn grouped(number: u64) -> String {
         out.push(digit);
     }
     out
+}
+
+/// To so many digits that matter. What would overflow stays as it is.
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    let text = format!("{value:.*e}", digits.saturating_sub(1));
+    text.parse().ok().filter(|number: &f64| number.is_finite()).unwrap_or(value)
+}
+
+/// Decimals that tell the steps of this scale apart; three where it is none.
+pub fn decimals(scale: f64) -> usize {
+    // What is a hair beside a round number by its binary digits is that number.
+    let scale = rounded(scale.abs(), 9);
+    let steps = (-scale.log10() - 1e-9).ceil();
+    if !steps.is_finite() {
+        return 3;
+    }
+    let least = steps.clamp(0.0, 12.0) as usize;
+    // Steps of 0.25 have two.
+    let written = scale.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    if written <= least + 3 { written.max(least) } else { least }
+}
+
+/// A coordinate on a lattice of this scale, in as many decimals as that can hold.
+pub fn coordinate(value: f64, scale: f64) -> String {
+    // Where a header lies, a coordinate may have three hundred digits.
+    match value.abs() {
+        size if size >= 1e15 => number(value),
+        _ => format!("{value:.*}", decimals(scale)),
+    }
 }
 
 #[cfg(test)]
@@ -227,6 +266,7 @@ mod tests {
             (5e-324, "5e-324"),
             (0.0, "0"),
             (0.001, "0.001"),
+            (1e-7, "1e-7"),
             (637_425.79, "637425.79"),
             (f64::NAN, "NaN"),
             (f64::INFINITY, "inf"),
@@ -241,5 +281,57 @@ mod tests {
             (grouped(5), grouped(1234), grouped(10_653_336)),
             ("5".into(), "1 234".into(), "10 653 336".into())
         );
+    }
+
+    #[test]
+    fn no_number_ends_in_binary_noise() {
+        for (value, text) in [
+            (366_616.600_000_000_03, "366616.6"),
+            (-0.1 - 0.2, "-0.3"),
+            (0.1 * 3.0, "0.3"),
+            (245_370_417.414_215_7, "245370417.414216"),
+            (1_f64 / 3.0, "0.333333333333333"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+        for (value, text) in [
+            (0.1_f32, "0.1"),
+            (1.0 / 3.0, "0.33333334"),
+            (f32::MIN_POSITIVE, "1.1754944e-38"),
+            (f32::NAN, "NaN"),
+        ] {
+            assert_eq!(number_32(value), text);
+        }
+    }
+
+    #[test]
+    fn coordinates_have_the_decimals_of_their_scale() {
+        for (value, scale, text) in [
+            (366_616.600_000_000_03, 0.01, "366616.60"),
+            (1.23456, 0.01, "1.23"),
+            (-122.419_415_5, 1e-7, "-122.4194155"),
+            (3.5, 1.0, "4"),
+            (7.25, 0.25, "7.25"),
+            (100.0, 0.3048, "100.0000"),
+            (100.0, 1.0 / 3.0, "100.0"),
+            (12.0, 100.0, "12"),
+            (1.0, 0.010_000_000_000_000_002, "1.00"),
+            (1.0, 0.009_999_999_999_999_998, "1.00"),
+            (1.0, f64::NAN, "1.000"),
+            (1.0, 0.0, "1.000"),
+            (-1e300, 0.01, "-1e300"),
+            (f64::INFINITY, 0.01, "inf"),
+        ] {
+            assert_eq!(coordinate(value, scale), text, "{value} by {scale}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn steps_of_a_lattice_are_told_apart(step in -1_000_000_i32..1_000_000, scale in 1e-7_f64..10.0) {
+            let at = |step: i32| coordinate(f64::from(step) * scale + 1000.0, scale);
+            // A scale that is no power of ten may put the end of a step anywhere.
+            prop_assert_ne!(at(step), at(step + 1));
+        }
     }
 }

@@ -9,6 +9,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::words;
+
 /// How one file stores positions, and the box of the integers it really holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SourceGrid {
@@ -81,9 +83,8 @@ impl Lattice {
                 true => "the inputs reach too far for 32-bit integers of a finer scale",
                 false => "the inputs' scales and offsets share no lattice",
             };
-            // Without the noise of binary digits.
-            let [scale, error, units] = [scale, error, error / finest]
-                .map(|number| format!("{number:.5e}").parse().unwrap_or(number));
+            let [scale, error, units] =
+                [scale, error, error / finest].map(|number| words::number(words::rounded(number, 6)));
             let axis = ["x", "y", "z"][axis];
             format!("{axis} was rounded to {scale}, by at most {error}, {units} of the finest input's units: {why}")
         });

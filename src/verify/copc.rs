@@ -16,7 +16,7 @@ use super::{compare_inputs, inputs};
 use crate::format::copc::hierarchy::name;
 use crate::format::copc::{CopcError, CopcFile, Entry};
 use crate::octree::node::NodeKey;
-use crate::words::grouped;
+use crate::words::{self, grouped};
 
 /// Checks a COPC file, on the threads of the current rayon pool.
 pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyError> {
@@ -64,7 +64,7 @@ fn header(file: &CopcFile) -> Check {
     must(front.header_size == 375, &|| format!("the header has {} bytes, not 375", front.header_size));
     let exact = 2.0 * info.halfsize / 128.0;
     let is_spacing = info.spacing.is_finite() && info.spacing > 0.0;
-    must(is_spacing, &|| format!("the spacing is {}", info.spacing));
+    must(is_spacing, &|| format!("the spacing is {}", words::number(info.spacing)));
     must(info.is_rest_zero, &|| "reserved bytes of COPC's record are not 0".to_string());
     let said = front.points == structure_points(file);
     must(said, &|| format!("the header says {} points, nodes have {}", front.points, structure_points(file)));
@@ -79,11 +79,12 @@ fn header(file: &CopcFile) -> Check {
         "the LASzip record does not say variable chunks".to_string()
     });
     must(laszip.get(2..4) == Some(&[0; 2]), &|| "the LASzip record names another coder than 0".to_string());
-    let mut fine = format!("cube of {:.3}, spacing 1/128 of it", 2.0 * info.halfsize);
-    if is_spacing && info.spacing != exact {
-        fine =
-            format!("cube of {:.3}, spacing {} (1/128 of it is {exact})", 2.0 * info.halfsize, info.spacing);
-    }
+    let side = words::coordinate(2.0 * info.halfsize, front.scale[0]);
+    let [said, usual] = [info.spacing, exact].map(words::number);
+    let fine = match said == usual {
+        true => format!("cube of {side}, spacing 1/128 of it"),
+        false => format!("cube of {side}, spacing {said} (1/128 of it is {usual})"),
+    };
     Check::of("header", wrong, fine, "numbers of the header are wrong")
 }
 
@@ -248,11 +249,9 @@ impl Walk {
                 let said = (front.min[axis], front.max[axis]);
                 if (said.0 - low).abs() > unit || (said.1 - high).abs() > unit {
                     let axis = ["x", "y", "z"][axis];
+                    let [from, to, low, high] = [said.0, said.1, low, high].map(words::number);
                     wrong.add(0, || {
-                        format!(
-                            "{axis} is said to go from {} to {}, it goes from {low} to {high}",
-                            said.0, said.1
-                        )
+                        format!("{axis} is said to go from {from} to {to}, it goes from {low} to {high}")
                     });
                 }
             }
@@ -265,11 +264,9 @@ impl Walk {
         let is_near = |a: f64, b: f64| (a - b).abs() <= 1e-6 || a == b;
         if !is_near(time.0, front.info.time.0) || !is_near(time.1, front.info.time.1) {
             let said = front.info.time;
+            let [from, to, first, last] = [said.0, said.1, time.0, time.1].map(words::number);
             wrong.add(2, || {
-                format!(
-                    "GPS times are said to go from {} to {}, they go from {} to {}",
-                    said.0, said.1, time.0, time.1
-                )
+                format!("GPS times are said to go from {from} to {to}, they go from {first} to {last}")
             });
         }
         let fine = "box, points by return and GPS times are those of the points";

@@ -6,7 +6,7 @@ use super::octree::{Octree, depth, points};
 use super::report::{Check, Findings, plural};
 use crate::format::potree::hierarchy::Oddity;
 use crate::format::potree::{Metadata, Node};
-use crate::words::grouped;
+use crate::words::{self, grouped};
 
 /// Whether Lodestone made it, so that its rules bind.
 pub fn is_ours(metadata: &Metadata) -> bool {
@@ -42,7 +42,8 @@ pub fn metadata(metadata: &Metadata) -> Check {
     );
     let ratio = (sides[0] / metadata.spacing).round();
     let attributes = metadata.attributes.len();
-    let fine = format!("{attributes} attributes; cube of {:.3}, root spacing 1/{ratio} of it", sides[0]);
+    let side = words::coordinate(sides[0], metadata.scale[0]);
+    let fine = format!("{attributes} attributes; cube of {side}, root spacing 1/{ratio} of it");
     Check::of("metadata", wrong, fine, "numbers of metadata.json are wrong")
 }
 

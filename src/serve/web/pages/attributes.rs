@@ -66,12 +66,16 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
 }
 
-fn shown(values: &[f64]) -> String {
+/// Values of an attribute; a position's in the decimals of this scale.
+fn shown(values: &[f64], scale: Option<&[f64]>) -> String {
     if values.is_empty() {
-        "—".to_string()
-    } else {
-        values.iter().map(|v| words::figure(*v)).collect::<Vec<_>>().join(" · ")
+        return "—".to_string();
     }
+    let text = |axis: usize, value: f64| match scale.and_then(|scale| scale.get(axis)) {
+        Some(scale) => words::coordinate(value, *scale),
+        None => words::figure(value),
+    };
+    values.iter().enumerate().map(|(axis, value)| text(axis, *value)).collect::<Vec<_>>().join(" · ")
 }
 
 /// From the first to the last value that there is, with what they count.
@@ -117,6 +121,7 @@ pub(super) fn table(on_disk: &OnDisk) -> Markup {
     if attributes.is_empty() {
         return html! {};
     }
+    let scale = numbers(&on_disk.metadata["scale"]);
     html! {
         section.card #attributes aria-labelledby="attributes-title" {
             h2 #attributes-title { "Attributes" }
@@ -126,23 +131,24 @@ pub(super) fn table(on_disk: &OnDisk) -> Markup {
                         th scope="col" { "Name" } th scope="col" { "Type" } th scope="col" { "From" } th scope="col" { "To" }
                         th scope="col" { "Values" }
                     } }
-                    tbody { @for attribute in attributes { (row(attribute)) } }
+                    tbody { @for attribute in attributes { (row(attribute, &scale)) } }
                 }
             }
         }
     }
 }
 
-fn row(attribute: &Value) -> Markup {
+fn row(attribute: &Value, scale: &[f64]) -> Markup {
     let name = attribute["name"].as_str().unwrap_or("—");
+    let scale = (name == "position").then_some(scale);
     let elements = attribute["numElements"].as_u64().unwrap_or(1);
     html! {
         tr {
             td { (name) @if let Some(text) = attribute["description"].as_str().filter(|text| !text.is_empty()) { div.dim { (text) } } }
             td { (attribute["type"].as_str().unwrap_or("—")) @if elements > 1 { " × " (elements) } }
             @let [low, high] = range(attribute);
-            td { (shown(&low)) }
-            td { (shown(&high)) }
+            td { (shown(&low, scale)) }
+            td { (shown(&high, scale)) }
             td {
                 @if let Some((first, counts)) = counts(attribute) {
                     @if counts.len() == 1 { span.dim { "in all points" } }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 use serde_json::Value;
 
 use super::{charts, crs, parts, words};
+use crate::words as figures;
 
 fn number(value: &Value, key: &str) -> u64 {
     value[key].as_u64().unwrap_or_default()
@@ -85,12 +86,15 @@ fn place(report: &Value) -> Markup {
     let units = crs::units(wkt);
     // In which each axis counts; nothing is said where the text says nothing.
     let unit = units.map(|[across, heights]| [across, across, heights]).unwrap_or_default();
-    let row = |name: &str, values: [f64; 3]| {
+    let places = |values: [f64; 3]| {
+        [0, 1, 2].map(|axis| words::coordinate(values[axis], scale.map_or(f64::NAN, |scale| scale[axis])))
+    };
+    let row = |name: &str, values: [String; 3]| {
         html! {
             tr {
                 th scope="row" { (name) }
                 @for (value, unit) in values.iter().zip(unit) {
-                    td.num { (words::figure(*value)) @if !unit.is_empty() { span.dim { "\u{a0}" (unit) } } }
+                    td.num { (value) @if !unit.is_empty() { span.dim { "\u{a0}" (unit) } } }
                 }
             }
         }
@@ -117,11 +121,11 @@ fn place(report: &Value) -> Markup {
                     thead { tr { td {} @for axis in ["x", "y", "z"] { th.num scope="col" { (axis) } } } }
                     tbody {
                         @if let (Some(low), Some(high)) = (corner("min"), corner("max")) {
-                            (row("Lowest", low)) (row("Highest", high))
-                            (row("Extent", [0, 1, 2].map(|axis| high[axis] - low[axis])))
+                            (row("Lowest", places(low))) (row("Highest", places(high)))
+                            (row("Extent", places([0, 1, 2].map(|axis| high[axis] - low[axis]))))
                         }
-                        @if let Some(scale) = scale { (row("Scale", scale)) }
-                        @if let Some(offset) = offset { (row("Offset", offset)) }
+                        @if let Some(scale) = scale { (row("Scale", scale.map(figures::number))) }
+                        @if let Some(offset) = offset { (row("Offset", offset.map(figures::number))) }
                     }
                 }
             }

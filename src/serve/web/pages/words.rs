@@ -1,6 +1,7 @@
 //! Figures as people read them on a page: short, with a unit, never raw.
 
 use crate::platform::clock::Millis;
+use crate::words;
 
 /// Points: `9 876`, `531.7 k`, `2.8 M`, `1.2 G`.
 pub(super) fn points(points: u64) -> String {
@@ -90,17 +91,22 @@ pub(super) fn ago(then: Millis, now: Millis) -> String {
     }
 }
 
-/// A figure of a cloud: a coordinate, a range's end; without needless digits.
+/// A figure of a cloud, as a range's end: without needless digits.
 pub(super) fn figure(value: f64) -> String {
     if !value.is_finite() {
         return "—".to_string();
     }
-    if value != 0.0 && (value.abs() >= 1e12 || value.abs() < 1e-4) {
-        return format!("{value:.4e}");
+    // Four decimals, and of what is below one as many digits.
+    let digits = (value.abs().log10().floor() + 5.0).clamp(5.0, 15.0);
+    match words::number(words::rounded(value, digits as usize)).as_str() {
+        "-0" => "0".to_string(),
+        text => text.to_string(),
     }
-    let text = format!("{value:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_string() } else { text.to_string() }
+}
+
+/// A coordinate on a lattice of this scale.
+pub(super) fn coordinate(value: f64, scale: f64) -> String {
+    if value.is_finite() { words::coordinate(value, scale) } else { "—".to_string() }
 }
 
 #[cfg(test)]
@@ -121,7 +127,11 @@ mod tests {
         let texts = [0.2, 80.0, 200.0, 7200.0].map(left);
         assert_eq!(texts, ["a moment left", "80 s left", "3 min left", "2.0 h left"]);
         let texts = [0.0, 358.28000000000003, -0.00000001, 1795822986.5, 2e20].map(figure);
-        assert_eq!(texts, ["0", "358.28", "-1.0000e-8", "1795822986.5", "2.0000e20"]);
+        assert_eq!(texts, ["0", "358.28", "-1e-8", "1795822986.5", "2e20"]);
+        let texts = [-0.0, 0.000123456, 12.34567, 1e-7, 366_616.600_000_000_03].map(figure);
+        assert_eq!(texts, ["0", "0.00012346", "12.3457", "1e-7", "366616.6"]);
+        assert_eq!(coordinate(-122.419_415_52, 1e-7), "-122.4194155");
+        assert_eq!(coordinate(f64::NAN, 0.01), "—");
         assert_eq!(figure(f64::NAN), "—");
     }
 }
