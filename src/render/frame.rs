@@ -140,7 +140,8 @@ pub struct Drawing {
 
 impl Drawing {
     /// `centre` is what the splats' positions are counted from, `reach` the
-    /// radius around it that holds them all, `largest` the radius of code 0.
+    /// radius around it that holds them, `largest` the radius of code 0. What lies
+    /// farther away is drawn at the end of the depths.
     pub fn new(
         camera: &Camera,
         [width, height]: [u32; 2],

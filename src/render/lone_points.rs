@@ -1,7 +1,7 @@
 //! Who stands near whom: points that have hardly a neighbor, and pairs of
 //! neighbors, found on a grid as coarse as the cloud itself asks for.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// Points in a cell and around it, in the middle of all, on the grid that is used.
@@ -9,7 +9,7 @@ const CROWD: usize = 24;
 /// A point with fewer around it than this, itself counted, is a lone one.
 const FEW: usize = 4;
 /// Fewer points than this have no usual distance that one could stand out of.
-const LEAST: usize = 64;
+const LEAST: usize = 32;
 /// A share of lone points beyond which they are the cloud.
 const MOST: f64 = 0.2;
 /// Grids that are tried: each has as many more cells along the box's longest side than the
@@ -120,14 +120,21 @@ impl<'p> Neighborhood<'p> {
     }
 }
 
-/// The points that do not stand alone.
+/// The places of points that do not stand alone, each once however many points are there:
+/// a crowd at one place is no more of the cloud's shape than a single point.
 pub fn without_lone(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let Some(neighborhood) = Neighborhood::of(points) else { return points.to_vec() };
+    let mut seen = HashSet::new();
+    let places: Vec<[f64; 3]> =
+        points.iter().filter(|point| seen.insert(point.map(f64::to_bits))).copied().collect();
+    let Some(neighborhood) = Neighborhood::of(&places) else { return places };
     let lone = neighborhood.lone();
+    let alone = lone.iter().filter(|lone| **lone).count();
     let together: Vec<[f64; 3]> =
-        points.iter().zip(lone).filter(|(_, lone)| !lone).map(|(point, _)| *point).collect();
-    // Where all others are in one place, the lone ones are what there is to see.
-    if longest_side(&together) < SPECK * longest_side(points) { points.to_vec() } else { together }
+        places.iter().zip(lone).filter(|(_, lone)| !lone).map(|(point, _)| *point).collect();
+    // Where all others are nearly in one place, the lone ones are what there is to see, if
+    // they are enough to show a shape.
+    let is_speck = longest_side(&together) < SPECK * longest_side(&places);
+    if is_speck && alone >= LEAST { places } else { together }
 }
 
 /// A cloud this small in what its lone points span is a place in it.
@@ -164,15 +171,29 @@ mod tests {
     fn a_sparse_cloud_is_no_noise() {
         assert_eq!(without_lone(&ground(9000)).len(), 9000);
         assert_eq!(without_lone(&ground(50)).len(), 50);
-        assert_eq!(without_lone(&vec![[7.0; 3]; 500]).len(), 500);
-        // A crowd at one place, and a few points that are all the rest.
-        let crowd = [vec![[0.0; 3]; 9000], ground(60)].concat();
-        assert_eq!(without_lone(&crowd).len(), 9060);
+        assert_eq!(without_lone(&vec![[7.0; 3]; 500]).len(), 1);
+        // A crowd nearly at one place, and some points that are all the rest.
+        let crowd: Vec<[f64; 3]> = ground(3000).iter().map(|p| p.map(|c| c * 1e-6)).collect();
+        // Their first place is the same.
+        assert_eq!(without_lone(&[crowd, ground(60)].concat()).len(), 3059);
         // A dense yard in wide country.
         let mut points = ground(6000);
         points.iter_mut().for_each(|p| *p = p.map(|c| c * 0.05));
         points.extend(ground(4000));
         assert!(without_lone(&points).len() > 9800);
+    }
+
+    #[test]
+    fn a_crowd_at_one_place_is_one_point() {
+        // Far away from the rest it is a lone one.
+        for far in [1e5, -1e7] {
+            let crowd = [vec![[far; 3]; 9000], ground(60)].concat();
+            let kept = without_lone(&crowd);
+            assert!(kept.len() == 60 && kept.iter().all(|p| p[0] >= 0.0 && p[0] <= 100.0), "{}", kept.len());
+        }
+        // Among the others it is as good as they are.
+        let crowd = [vec![[50.0, 50.0, 0.1]; 9000], ground(600)].concat();
+        assert_eq!(without_lone(&crowd).len(), 601);
     }
 
     #[test]

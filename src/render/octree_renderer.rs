@@ -9,7 +9,7 @@ use super::color::{ColorBy, Painter};
 use super::error::Result;
 use super::frame::{Background, Drawing, Picture, Shading};
 use super::framing::{View, frame};
-use super::node_selection::{Wanted, select};
+use super::node_selection::{Wanted, bounds_of_points, select};
 use super::octree::Octree;
 use super::renderer::{Choice, Renderer};
 use super::sample::Sample;
@@ -19,7 +19,10 @@ use super::scene::Scene;
 /// radius to which they do, in pixels.
 const CELL: f64 = 8.0;
 const FEW: f32 = 48.0;
-const BIG: f32 = 6.0;
+const BIG: f32 = 14.0;
+/// How far what is looked at reaches beyond the points of the first look, in shares of
+/// their longest side.
+const BEYOND: f64 = 0.25;
 
 /// How good a picture is, and what it may cost.
 #[derive(Debug, Clone, PartialEq)]
@@ -183,13 +186,29 @@ impl Studio {
         self.sample.together.iter().filter(|p| p[2] <= top).copied().collect()
     }
 
+    /// The box of what is looked at. The first look saw a part of it, so that it reaches
+    /// farther than those points; but no farther than points do.
+    fn looked_at(&self) -> [[f64; 3]; 2] {
+        let [low, high] = bounds_of_points(&self.octree);
+        let of = |pick: fn(f64, f64) -> f64, from: f64, axis: usize| {
+            self.sample.together.iter().map(|point| point[axis]).fold(from, pick)
+        };
+        let first = [0, 1, 2].map(|axis| of(f64::min, f64::INFINITY, axis));
+        let last = [0, 1, 2].map(|axis| of(f64::max, f64::NEG_INFINITY, axis));
+        let margin = (0..3).map(|axis| last[axis] - first[axis]).fold(0.0, f64::max) * BEYOND;
+        [
+            std::array::from_fn(|axis| low[axis].max(first[axis] - margin)),
+            std::array::from_fn(|axis| high[axis].min(last[axis] + margin)),
+        ]
+    }
+
     fn set(&mut self, shots: &[Shot], size: [u32; 2], top: f64, quality: &Quality) -> Result<Set> {
         let cameras: Vec<_> = shots.iter().map(Shot::camera).collect();
         let wanted = Wanted { spacing: quality.spacing, budget: quality.budget, size, top };
         let before = self.octree.bytes_read();
         let chosen = select(&mut self.octree, &cameras, &wanted)?;
         let centre = shots.first().map_or([0.0; 3], |shot| shot.target);
-        let scene = Scene::load(&self.octree, &chosen, &self.painter, centre, top)?;
+        let scene = Scene::load(&self.octree, &chosen, &self.painter, centre, top, self.looked_at())?;
         let effort = Effort {
             nodes: chosen.len() as u64,
             points: scene.splats.len() as u64,

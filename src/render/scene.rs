@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::color::Painter;
 use super::error::Result;
 use super::frame::{Splat, radius_code};
-use super::node_selection::{Chosen, POISSON_DENSITY, bounds_of_points};
+use super::node_selection::{Chosen, POISSON_DENSITY};
 use super::octree::Octree;
 use crate::format::potree::NodeName;
 
@@ -28,8 +28,16 @@ const SCATTERED: f64 = 1.5;
 /// Cells that a surface through a node occupies at most, about.
 const SURFACE: usize = 3 * CELLS * CELLS;
 
-/// Strays are drawn at most as if they were so many times as far apart as most points.
+/// The points of a region that is a small part of the cloud are drawn at most as if they
+/// were so many times as far apart as most points: so many times if there is one of them,
+/// and twice as many with each [`WITNESSES`] more. Two or three strays that happen to be
+/// near each other look, to a density, like a piece of a coarse surface.
 const STRAY: f64 = 2.0;
+const WITNESSES: f64 = 8.0;
+/// A region is a small part if the cloud is more than so many times as many points.
+const PARTS: u64 = 20;
+/// A cell in which no point is counted: it lies beyond what is looked at.
+const BEYOND: u16 = u16::MAX;
 
 /// What is drawn, in memory.
 pub struct Scene {
@@ -37,7 +45,7 @@ pub struct Scene {
     pub splats: Vec<Splat>,
     /// What the splats' positions are counted from, in world units.
     pub centre: [f64; 3],
-    /// Radius around the centre that holds every splat.
+    /// Radius around the centre that holds every splat of what is looked at.
     pub reach: f64,
     /// Radius of radius code 0, in world units.
     pub largest: f64,
@@ -59,22 +67,23 @@ struct Region {
 
 impl Scene {
     /// Reads the chosen nodes, without what lies above `top`. Positions are
-    /// counted from `centre`.
+    /// counted from `centre`; `tight` is the box of what is looked at.
     pub fn load(
         octree: &Octree,
         chosen: &[Chosen],
         painter: &Painter,
         centre: [f64; 3],
         top: f64,
+        tight: [[f64; 3]; 2],
     ) -> Result<Scene> {
-        let room = Room { octree, tight: bounds_of_points(octree) };
+        let room = Room { octree, tight };
         let parts: Vec<(Vec<Splat>, Vec<u32>, Vec<u16>)> = (0..chosen.len() as u32)
             .into_par_iter()
             .map(|place| load_node(&room, chosen, place, painter, centre, top))
             .collect::<Result<_>>()?;
         let mut regions = vec![Region { points: 0, occupied: [0; CELLS] }; chosen.len()];
         for (_, places, cells) in &parts {
-            for (&place, &cell) in places.iter().zip(cells) {
+            for (&place, &cell) in places.iter().zip(cells).filter(|(_, cell)| **cell != BEYOND) {
                 let region = &mut regions[place as usize];
                 region.points += 1;
                 region.occupied[usize::from(cell) / 64] |= 1 << (cell % 64);
@@ -95,7 +104,10 @@ impl Scene {
             splats.extend(sized);
         }
         let square = |s: &Splat| s.position.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>();
-        let reach = splats.iter().map(square).fold(0.0, f64::max).sqrt();
+        // What lies far beyond the box of what is looked at would take the depths from it.
+        let corner =
+            (0..3).map(|i| (tight[0][i] - centre[i]).abs().max((tight[1][i] - centre[i]).abs()).powi(2));
+        let reach = splats.iter().map(square).fold(0.0, f64::max).min(corner.sum::<f64>()).sqrt();
         let id = NEXT.fetch_add(1, Ordering::Relaxed);
         Ok(Scene { splats, centre, reach, largest, id })
     }
@@ -156,32 +168,38 @@ fn region_of(
         (place, sides) = (child, half);
     }
     let (corner, side) = room.within(corner, sides);
-    let cell: [u16; 3] = std::array::from_fn(|i| {
-        (((position[i] - corner[i]) * (CELLS as f64 / side)) as u16).min(CELLS as u16 - 1)
-    });
-    (place, cell[0] << 6 | cell[1] << 3 | cell[2])
+    // On the far side of the box, by rounding, is in its last cell.
+    let cell = [0, 1, 2].map(|i| (position[i] - corner[i]) * (CELLS as f64 / side));
+    if !cell.iter().all(|at| (-1e-6..=CELLS as f64 + 1e-6).contains(at)) {
+        return (place, BEYOND);
+    }
+    let [x, y, z] = cell.map(|at| (at as u16).min(CELLS as u16 - 1));
+    (place, x << 6 | y << 3 | z)
 }
 
-/// Where in an octree there can be points.
+/// Where in an octree the points are that are looked at.
 struct Room<'o> {
     octree: &'o Octree,
-    /// The box of all points.
+    /// The box of these points.
     tight: [[f64; 3]; 2],
 }
 
 impl Room<'_> {
-    /// The cube within a node's space in which its points are counted: all of it; where
-    /// axes have other units, that space is as wide as a country and as high as a house,
-    /// and so the cube is around what the cloud takes of it.
+    /// The cube within a node's space in which its points are counted: all of it, unless
+    /// what is looked at is a speck in it. That is so where axes have other units, for that
+    /// space is as wide as a country and as high as a house; and where a point far away has
+    /// made it large.
     fn within(&self, corner: [f64; 3], sides: [f64; 3]) -> ([f64; 3], f64) {
-        if self.octree.has_cubes() {
-            return (corner, sides[0]);
-        }
         let [low, high] = self.tight;
         let from: [f64; 3] = std::array::from_fn(|i| corner[i].max(low[i]));
         let reach = (0..3).map(|i| (corner[i] + sides[i]).min(high[i]) - from[i]).fold(0.0, f64::max);
         // Of points in one place there is nothing to count.
-        (from, if reach > 0.0 { reach } else { sides[2] })
+        let is_speck = reach > 0.0 && reach * (CELLS as f64) < sides[0];
+        match (self.octree.has_cubes(), reach > 0.0) {
+            (true, _) if !is_speck => (corner, sides[0]),
+            (_, true) => (from, reach),
+            (_, false) => (from, sides[2]),
+        }
     }
 
     fn of(&self, name: NodeName) -> ([f64; 3], f64) {
@@ -192,28 +210,25 @@ impl Room<'_> {
     /// How far apart the points of a node are at least, where all axes count the same;
     /// else about as far as they would be.
     fn spacing(&self, name: NodeName) -> f64 {
-        match self.octree.has_cubes() {
+        let side = self.of(name).1;
+        match self.octree.has_cubes() && side == self.octree.cube(name).1[0] {
             true => self.octree.spacing(name.level()),
-            false => self.of(name).1 / 128.0,
+            false => side / 128.0,
         }
     }
 }
 
 /// How far apart the points of each region are, in world units.
 fn spacings(room: &Room, chosen: &[Chosen], regions: &[Region], all: u64) -> Vec<f64> {
-    let mut spacings = Vec::with_capacity(regions.len());
-    let mut usual = Vec::new();
-    let mut stray = Vec::new();
-    for (place, (chosen, region)) in chosen.iter().zip(regions).enumerate() {
-        let (apart, is_stray) = spacing(room, chosen, region, all);
-        match is_stray {
-            true => stray.push(place),
-            false => usual.push((apart, u64::from(region.points))),
-        }
-        spacings.push(apart);
-    }
-    // A cube that noise has made large says nothing of how large noise is to be drawn:
-    // about as large as most points.
+    let claims: Vec<(f64, f64)> =
+        chosen.iter().zip(regions).map(|(chosen, region)| spacing(room, chosen, region)).collect();
+    let is_small = |region: &Region| u64::from(region.points) * PARTS < all;
+    let mut usual: Vec<(f64, u64)> = claims
+        .iter()
+        .zip(regions)
+        .filter(|((_, trust), region)| *trust > 1.0 || !is_small(region))
+        .map(|((apart, _), region)| (*apart, u64::from(region.points)))
+        .collect();
     usual.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = usual.iter().map(|(_, points)| points).sum::<u64>() / 2;
     let mut points = 0;
@@ -221,31 +236,32 @@ fn spacings(room: &Room, chosen: &[Chosen], regions: &[Region], all: u64) -> Vec
         points += count;
         points > half
     });
-    if let Some((middle, _)) = middle {
-        stray.into_iter().for_each(|place| spacings[place] = spacings[place].min(STRAY * middle));
-    }
-    spacings
+    // A cube that noise has made large says nothing of how large noise is to be drawn.
+    let most = middle.map_or(f64::INFINITY, |(middle, _)| STRAY * middle);
+    let sized = claims.iter().zip(regions).map(|((apart, trust), region)| match is_small(region) {
+        true => apart.min(most * trust),
+        false => *apart,
+    });
+    sized.collect()
 }
 
 /// How far apart the points of a region are, in world units, by a surface that passes
-/// through so many cells and holds so many points; and whether they are strays, of which
-/// that says nothing.
-fn spacing(room: &Room, chosen: &Chosen, region: &Region, all: u64) -> (f64, bool) {
+/// through so many cells and holds so many points; and how many times as far apart as most
+/// points that is to be believed, in units of [`STRAY`].
+fn spacing(room: &Room, chosen: &Chosen, region: &Region) -> (f64, f64) {
     let level = room.spacing(chosen.node.name);
     if region.points == 0 {
-        return (level, false);
+        return (level, 1.0);
     }
     let cell = room.of(chosen.node.name).1 / CELLS as f64;
     let occupied: u32 = region.occupied.iter().map(|bits| bits.count_ones()).sum();
     let density = f64::from(region.points) / f64::from(occupied);
     let apart = cell * (POISSON_DENSITY / density).sqrt();
-    // A few points in a large node are stragglers, not a surface of big splats. So are
-    // those of which each has a cell to itself: noise, unless it is most of the cloud.
+    // Of noise each point has a cell to itself; or hardly more, where the cells are more
+    // than any surface passes through.
     let is_scattered = density < SCATTERED || occupied as usize > SURFACE && density < 2.0 * SCATTERED;
-    let is_stray = is_scattered && u64::from(region.points) * 20 < all;
-    let trusted = match is_stray {
-        true => 1.0,
-        false => 2.0 + f64::from(region.points.min(480)) / 16.0,
-    };
-    (apart.clamp(level / 16.0, level * trusted.min(CELLS as f64 * 2.0)), is_stray)
+    let points = f64::from(region.points.min(480));
+    let widest = level * (2.0 + points / 16.0).min(CELLS as f64 * 2.0);
+    let trust = if is_scattered { 1.0 } else { (points / WITNESSES).exp2() };
+    (apart.clamp(level / 16.0, widest), trust)
 }

@@ -196,16 +196,36 @@ fn a_crowd_at_one_place_hides_nothing() {
 #[test]
 fn stray_points_are_no_large_discs() {
     // A road of points, and strays beside it that are no lone ones in its frame.
-    let mut points = field(40_000, |_, _| (0, [0; 3]));
-    points.iter_mut().for_each(|point| point.0[1] *= 0.05);
-    let strays = field(25, |_, _| (0, [0; 3]))
-        .iter()
-        .map(|p| ([p.0[0], 10.0 + p.0[1] * 0.25, 0.0], 0, [0; 3]))
-        .collect::<Vec<_>>();
-    let without = solid(&picture(&points).1).len();
-    points.extend(strays);
-    let with = solid(&picture(&points).1).len();
-    assert!(with < without + 25 * 30, "{without} pixels and {with} with 25 strays");
+    let mut road = field(40_000, |_, _| (0, [0; 3]));
+    road.iter_mut().for_each(|point| point.0[1] *= 0.05);
+    let without = solid(&picture(&road).1).len();
+    // Alone, by twos and by threes: near each other they are no surface either.
+    for together in [1, 2, 3] {
+        let mut points = road.clone();
+        for ([x, y, _], ..) in field(24, |_, _| (0, [0; 3])) {
+            let near = (0..together).map(|n| ([x + 0.2 * f64::from(n), 10.0 + y * 0.25, 0.0], 0, [0; 3]));
+            points.extend(near);
+        }
+        let with = solid(&picture(&points).1).len();
+        assert!(with < without + 24 * 30, "{without} pixels and {with} with strays by {together}");
+    }
+}
+
+#[test]
+fn points_lost_at_the_origin_take_no_frame() {
+    // A tile in meters, most of whose points a writer left at zero.
+    for (lost, left) in [(10_000, 61), (300, 40), (1, 3_000)] {
+        let tile = field(left, |_, _| (0, [0; 3]));
+        let alone = picture(&tile).1;
+        let far = tile.iter().map(|([x, y, z], ..)| ([x + 637_000.0, y + 849_000.0, z + 400.0], 0, [0; 3]));
+        let points: Vec<Point> = far.chain((0..lost).map(|_| ([0.0; 3], 0, [0; 3]))).collect();
+        let (_, picture) = picture(&points);
+        let (seen, expected) = (solid(&picture).len(), solid(&alone).len());
+        assert!(
+            seen * 4 > expected * 3 && seen < expected * 2,
+            "{lost} lost: {seen} pixels, {expected} without"
+        );
+    }
 }
 
 #[test]
