@@ -13,14 +13,15 @@ mod rows;
 mod uploads;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
+use crate::daemon_support::held::{self, Held};
 use crate::daemon_support::{Daemon, ask, las, wait_for};
 
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 9] = [
     "package.json",
     "browser.mjs",
     "steer.mjs",
@@ -29,6 +30,7 @@ const SCRIPTS: [&str; 8] = [
     "looks.mjs",
     "drop.mjs",
     "prefix.mjs",
+    "notify.mjs",
 ];
 
 /// A folder with the scripts and their packages, and the browser, where there are
@@ -67,12 +69,14 @@ fn drive(script: &str, arguments: &[&str]) -> bool {
     true
 }
 
-/// Points of a cloud whose conversion lasts long enough to be looked at and stopped:
-/// some seconds by one thread. Fewer do where the program is built without
-/// optimization, see LODESTONE_PAGE_POINTS.
-fn points() -> u32 {
-    let wanted = std::env::var("LODESTONE_PAGE_POINTS").ok().and_then(|points| points.parse().ok());
-    wanted.unwrap_or(6_000_000)
+/// The daemon of the tests that hold conversions; by itself it tests nothing.
+#[test]
+fn the_daemon_that_holds() {
+    held::serve();
+}
+
+fn held(root: &Path, more: &[&str]) -> Held {
+    Held::start_with("page::the_daemon_that_holds", root, more)
 }
 
 fn root() -> tempfile::TempDir {
@@ -83,10 +87,10 @@ fn root() -> tempfile::TempDir {
 fn a_person_drops_watches_cancels_and_retries() {
     let root = root();
     let large = root.path().join("large.las");
-    fs::write(&large, las(3 * points(), 1)).expect("written");
+    fs::write(&large, las(30_000, 1)).expect("written");
     // Real ones where there are some.
-    let real = std::env::var_os("LODESTONE_DATA").map(|data| PathBuf::from(data).join("tiles/bcts"));
-    let mut clouds: Vec<PathBuf> = ["bcts_1.laz", "bcts_2.laz"]
+    let real = std::env::var_os("LODESTONE_DATA").map(|data| PathBuf::from(data).join("single"));
+    let mut clouds: Vec<PathBuf> = ["ahn_2397_9705.laz", "autzen_trim.laz"]
         .iter()
         .filter_map(|name| real.as_ref().map(|folder| folder.join(name)).filter(|path| path.is_file()))
         .collect();
@@ -94,12 +98,10 @@ fn a_person_drops_watches_cancels_and_retries() {
         clouds = (2..4).map(|seed| root.path().join(format!("cloud {seed}.las"))).collect();
         clouds.iter().zip(2..).for_each(|(path, seed)| fs::write(path, las(20_000, seed)).expect("written"));
     }
-    let daemon = Daemon::start_with(
-        &root.path().join("data"),
-        &["--preview", "true", "--preview-frames", "12", "--threads", "1"],
-    );
+    let daemon = held(&root.path().join("data"), &["--preview", "true", "--preview-frames", "4"]);
+    let hold = daemon.hold("large", 1);
     let address = format!("http://{}", daemon.address);
-    let mut arguments = vec![address.as_str(), large.to_str().expect("UTF-8")];
+    let mut arguments = vec![address.as_str(), hold.to_str().expect("UTF-8"), large.to_str().expect("UTF-8")];
     arguments.extend(clouds.iter().map(|path| path.to_str().expect("UTF-8")));
     drive("steer.mjs", &arguments);
 }
@@ -122,6 +124,17 @@ fn a_token_is_asked_for_by_a_form() {
     assert!(form.contains("type=\"password\"") && !form.contains("<script>"), "{form}");
     let (address, pid) = (format!("http://{}", daemon.address), daemon.child.id().to_string());
     drive("login.mjs", &[&address, "a long secret", &pid]);
+}
+
+#[test]
+fn the_browser_tells_of_ends_where_asked() {
+    let root = root();
+    let daemon = Daemon::start_with(&root.path().join("data"), &["--patience-seconds", "0.5"]);
+    let good = root.path().join("good.las");
+    fs::write(&good, las(500, 1)).expect("written");
+    let address = format!("http://{}", daemon.address);
+    let paths = [daemon.inbox(), good].map(|path| path.to_str().expect("UTF-8").to_string());
+    drive("notify.mjs", &[&address, &paths[0], &paths[1]]);
 }
 
 #[test]
@@ -214,12 +227,13 @@ fn orders_by_form_answer_with_the_page() {
 #[test]
 fn pausing_all_returns_what_runs_and_draining_lets_it_end() {
     let root = root();
-    let daemon = Daemon::start_with(&root.path().join("data"), &["--threads", "1"]);
+    let daemon = held(&root.path().join("data"), &[]);
+    let hold = daemon.hold("a", 30);
     let set = |mode: &str| {
         let head = "POST /queue/order\nContent-Type: application/x-www-form-urlencoded";
         assert_eq!(daemon.ask(head, &format!("mode={mode}")).0, 303);
     };
-    fs::write(daemon.inbox().join("a.las"), las(points(), 1)).expect("dropped");
+    fs::write(daemon.inbox().join("a.las"), las(9_000, 1)).expect("dropped");
     daemon.wait("a", "running");
     set("pause");
     let parked = daemon.wait("a", "queued");
@@ -228,10 +242,15 @@ fn pausing_all_returns_what_runs_and_draining_lets_it_end() {
     daemon.wait("b", "queued");
     set("run");
     daemon.wait("a", "running");
-    set("drain");
-    daemon.wait("a", "done");
-    set("run");
     daemon.wait("b", "done");
+    set("drain");
+    fs::write(daemon.inbox().join("c.las"), las(1_000, 3)).expect("dropped");
+    daemon.wait("c", "queued");
+    fs::remove_file(hold).expect("removed");
+    daemon.wait("a", "done");
+    assert_eq!(daemon.jobs()[2]["state"], "queued", "nothing new is started");
+    set("run");
+    daemon.wait("c", "done");
     wait_for("its lines of the log", || {
         let lines = daemon.json("/api/jobs/1/log")["lines"].to_string();
         (lines.contains("everything is paused") && lines.contains("published")).then_some(())

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+pub mod held;
 pub mod small_disk;
 
 /// The bytes of a LAS 1.2 file with `points` points of format 0, spread evenly
@@ -121,6 +122,26 @@ pub fn ask(address: &str, head: &str, body: &str) -> (u16, String, Vec<u8>) {
     (status, head, answer[(end + 4).min(answer.len())..].to_vec())
 }
 
+/// The flags of `serve`: these, and where they are silent, what suits tests.
+fn arguments(root: &Path, more: &[&str]) -> Vec<String> {
+    let mut all = vec!["--root".to_string(), root.to_str().expect("UTF-8").to_string()];
+    for (flag, value) in [
+        ("--listen", "127.0.0.1:0"),
+        ("--settle-seconds", "0.4"),
+        ("--rescan-seconds", "1"),
+        // Pictures are work that most tests need not wait for.
+        ("--preview", "false"),
+        ("--disk-reserve", "1M"),
+        ("--retry-seconds", "0.2"),
+    ] {
+        if !more.contains(&flag) {
+            all.extend([flag, value].map(str::to_string));
+        }
+    }
+    all.extend(more.iter().map(|flag| flag.to_string()));
+    all
+}
+
 /// The real daemon.
 pub struct Daemon {
     pub child: Child,
@@ -145,28 +166,19 @@ impl Daemon {
     /// Started by another program, as one that sets limits.
     pub fn start_by(wrapper: &[&str], root: &Path, more: &[&str], variables: &[(&str, &str)]) -> Daemon {
         let line: Vec<&str> = wrapper.iter().copied().chain([env!("CARGO_BIN_EXE_lodestone")]).collect();
+        let mut command = Command::new(line[0]);
+        command.args(&line[1..]).arg("serve").args(arguments(root, more)).envs(variables.iter().copied());
+        Daemon::begin(command, root)
+    }
+
+    /// Runs a command that is a daemon on this root, until it says where it listens.
+    fn begin(mut command: Command, root: &Path) -> Daemon {
         let log = root.with_extension(format!("{}.log", std::process::id()));
         let errors = std::fs::OpenOptions::new().create(true).append(true).open(&log).expect("a log");
-        let mut child = Command::new(line[0])
-            .args(&line[1..])
-            .arg("serve")
-            .args(if more.contains(&"--listen") { &[][..] } else { &["--listen", "127.0.0.1:0"] })
-            .args(if more.contains(&"--settle-seconds") { &[][..] } else { &["--settle-seconds", "0.4"] })
-            .args(if more.contains(&"--rescan-seconds") { &[][..] } else { &["--rescan-seconds", "1"] })
-            // Pictures are work that most tests need not wait for.
-            .args(if more.contains(&"--preview") { &[][..] } else { &["--preview", "false"] })
-            .args(if more.contains(&"--disk-reserve") { &[][..] } else { &["--disk-reserve", "1M"] })
-            .args(["--retry-seconds", "0.2", "--root"])
-            .arg(root)
-            .args(more)
-            .envs(variables.iter().copied())
-            .stdout(Stdio::piped())
-            .stderr(errors)
-            .spawn()
-            .expect("started");
+        let mut child = command.stdout(Stdio::piped()).stderr(errors).spawn().expect("started");
         let mut address = None;
-        let stdout = BufReader::new(child.stdout.take().expect("piped"));
-        for line in stdout.lines().map_while(Result::ok) {
+        let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines().map_while(Result::ok);
+        for line in lines.by_ref() {
             if let Some((_, rest)) = line.split_once("http://") {
                 address = Some(rest.trim_end_matches('/').to_string());
                 break;
@@ -175,6 +187,8 @@ impl Daemon {
         let Some(address) = address else {
             panic!("it did not start: {}", std::fs::read_to_string(&log).unwrap_or_default());
         };
+        // Whatever else it says has a reader until its end.
+        std::thread::spawn(move || lines.for_each(drop));
         Daemon { child, address, root: root.to_path_buf(), log }
     }
 

@@ -11,7 +11,8 @@ export async function open(program, options = {}) {
   const complaints = [];
   async function context(more = {}) {
     const one = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...options, ...more });
-    one.setDefaultTimeout(60_000);
+    // However busy the machine is, what has not come by then does not come.
+    one.setDefaultTimeout(180_000);
     one.on('console', message => complaints.push(`console: ${message.text()}`));
     one.on('weberror', error => complaints.push(`error: ${error.error()}`));
     one.on('requestfailed', request => {

@@ -1,8 +1,10 @@
 // Drops clouds onto the page, watches them, cancels one, tries it again, looks at
-// one from all sides. Arguments: program, address, large cloud, other clouds.
+// one from all sides. Arguments: program, address, the file that holds the conversion of
+// the large cloud and says at how many percent, large cloud, other clouds.
+import { rmSync, writeFileSync } from 'node:fs';
 import { axe, check, open, unreached, until } from './browser.mjs';
 
-const [program, address, large, ...clouds] = process.argv.slice(2);
+const [program, address, hold, large, ...clouds] = process.argv.slice(2);
 const shots = process.env.LODESTONE_SHOTS;
 const shot = async (page, name) => shots && page.screenshot({ path: `${shots}/${name}.png`, fullPage: true });
 const { browser, context, complaints } = await open(program);
@@ -16,16 +18,19 @@ await shot(page, 'empty');
 check((await axe(page)).length === 0, `empty: ${await axe(page)}`);
 
 await page.locator('#drop input[type=file]').first().setInputFiles([large, ...clouds]);
-await until('the upload', async () => (await page.locator('.uploads li[data-end=good]').count()) + (await page.locator('.uploads li').count()) >= 0
-  && (await row(stem(large)).count()) > 0);
+await until('the upload', () => row(stem(large)).count());
 
-// Its bars move.
-const seen = new Set();
-await until('bars that move', async () => {
-  const bar = row(stem(large)).locator('progress.whole');
-  if (await bar.count()) seen.add(await bar.evaluate(element => element.value).catch(() => null));
-  return seen.size >= 3;
-});
+// Its bars move as it does.
+let before = -1;
+for (const percent of [20, 50, 80]) {
+  writeFileSync(hold, String(percent));
+  const bar = kind => row(stem(large)).locator(`progress.${kind}`);
+  await until(`a bar at ${percent} %`, async () => await bar('stage').count()
+    && await bar('stage').evaluate(element => 100 * element.value / element.max) === percent);
+  const whole = await bar('whole').evaluate(element => element.value / element.max);
+  check(whole > before && whole < percent / 100, `${whole} of the whole after ${before}, ${percent} % of the first stage`);
+  before = whole;
+}
 await shot(page, 'busy');
 
 await row(stem(large)).getByRole('link', { name: stem(large), exact: true }).click();
@@ -34,7 +39,8 @@ await shot(page, 'asks');
 await page.getByRole('button', { name: 'Yes, call it off' }).click();
 await until('the end of it', () => page.locator('.title .badge.cancelled').count());
 await page.getByRole('button', { name: 'Try again' }).click();
-await until('its second run', () => page.locator('.title .badge.running, .title .badge.done').count());
+await until('its second run', () => page.locator('.title .badge.running').count());
+rmSync(hold);
 await until('its octree', () => page.locator('.title .badge.done').count(), 300);
 check(complaints.length === 0, complaints.join('\n'));
 

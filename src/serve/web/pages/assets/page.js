@@ -134,6 +134,16 @@ if (button && 'Notification' in window && window.isSecureContext) {
 
 function ended(jobs) {
   if (!button || button.hidden || !wanted()) return;
+  try {
+    tell(jobs);
+  } catch {
+    // Browsers of phones have the permission, and no way to show one from a page.
+    localStorage.removeItem(WANTED);
+    button.hidden = true;
+  }
+}
+
+function tell(jobs) {
   if (jobs.length > 3) {
     const failed = jobs.filter(job => job.state !== 'done').length;
     new Notification('Lodestone', { body: `${jobs.length} jobs ended, ${failed} of them failed`, tag: 'lodestone' });
