@@ -54,7 +54,8 @@ pub enum StageError {
     )]
     NoThreads(String),
     #[error(
-        "no COPC file can be made of it: {0}; as a Potree octree it can be converted (`--format potree`)"
+        "no COPC file can be made of it: {0}; as a Potree octree it can be converted (`--format potree`, \
+         `format = \"potree\"` for the daemon)"
     )]
     Copc(#[from] CopcError),
     #[error("no COPC file can be made of it: {0}")]

@@ -43,7 +43,8 @@ impl CopcPlan {
         if wkt.is_none() {
             notes.push(
                 "the COPC file says nothing of where on Earth it lies, and some viewers (iTowns) refuse that; \
-                 name its coordinate reference system by `--crs`, as in `--crs EPSG:25832`"
+                 name its coordinate reference system by `--crs`, as in `--crs EPSG:25832` \
+                 (`crs` in lodestone.json for the daemon)"
                     .to_string(),
             );
         }
