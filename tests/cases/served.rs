@@ -1,6 +1,7 @@
 //! The daemon as shipped: unit, container, alerts, proxies, viewers on other pages.
 
 mod access;
+mod booted;
 mod caching;
 mod connections;
 pub mod elsewhere;
