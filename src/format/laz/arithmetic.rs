@@ -1,25 +1,39 @@
 //! The arithmetic coder: a number in an interval that each symbol narrows to its part
 //! (Said 2004). Bytes are taken in, or given out, as the interval gets short.
 
-use super::model::{Bucket, Model};
+use super::model::{Bucket, Model, precision};
 
 /// Raw bits that are coded at once.
 const MOST_RAW: u32 = 19;
 
-/// By how much a length is shifted, in whole bytes, until it is at least `1 << 24`. It is
+/// Leading zeros of a length, which is at least 32: the coder's invariant and [`MOST_RAW`]
+/// give so. Shifted by as many of them as make whole bytes, it is at least `1 << 24`. It is
 /// never 0; that the compiler can see so saves it a case.
 #[inline(always)]
-fn missing_bits(length: u32) -> u32 {
-    (length | 1).leading_zeros() & 24
+fn leading_zeros(length: u32) -> u32 {
+    (length | 1).leading_zeros()
 }
+
+/// Bits of a length that say by what to multiply, where one would divide by it.
+const INDEX_BITS: u32 = 11;
+
+/// Of each length in the interval that its upper bits say, shifted until its first bit is set,
+/// what 2^47 is over it, or up to a thousandth less.
+static RECIPROCALS: [u16; 1 << INDEX_BITS] = {
+    let mut reciprocals = [0; 1 << INDEX_BITS];
+    let mut index = 1 << (INDEX_BITS - 1);
+    while index < 1 << INDEX_BITS {
+        reciprocals[index] = ((1u32 << 26) / (index as u32 + 1)) as u16;
+        index += 1;
+    }
+    reciprocals
+};
 
 /// Takes symbols from a stream of bytes.
 ///
 /// Between two operations `value < length` and `length >= 1 << 24`. [`Decoder::new`]
 /// checks the first; every operation keeps both, whatever the bytes and whatever the
-/// model, since a model's bounds rise strictly. So what a model is asked for is below
-/// `(1 << 15) + 64`: `value / (length >> 15)`, where the shift rounds down by less than
-/// a five hundredth.
+/// model, since a model's bounds rise strictly.
 ///
 /// Where the stream has ended, zeros come, and [`Decoder::has_ended`] says so; who
 /// decodes asks it now and then.
@@ -28,6 +42,9 @@ pub struct Decoder<'a> {
     rest: &'a [u8],
     value: u32,
     length: u32,
+    /// Leading zeros of the length, and the length shifted by them: known before the length is.
+    zeros: u32,
+    shifted: u32,
     ended: bool,
 }
 
@@ -36,13 +53,14 @@ impl<'a> Decoder<'a> {
     pub fn new(bytes: &'a [u8]) -> Option<Decoder<'a>> {
         let (first, rest) = bytes.split_first_chunk()?;
         let value = u32::from_be_bytes(*first);
-        (value < u32::MAX).then_some(Decoder { rest, value, length: u32::MAX, ended: false })
+        let begin = Decoder { rest, value, ..Decoder::empty() };
+        (value < begin.length).then_some(begin)
     }
 
     /// Of a layer without bytes: its field never changes, so it is not asked, except the
     /// layer of x and y, which then ends at once.
     pub fn empty() -> Decoder<'static> {
-        Decoder { rest: &[], value: 0, length: u32::MAX, ended: false }
+        Decoder { rest: &[], value: 0, length: u32::MAX, zeros: 0, shifted: u32::MAX, ended: false }
     }
 
     /// Works with a copy, and takes its state over. A decoder that is lent to a function
@@ -70,33 +88,32 @@ impl<'a> Decoder<'a> {
         &mut self,
         model: &mut Model<U, S, B, T, W>,
     ) -> usize {
-        self.decode::<U, false, S, B, T, W>(model)
+        self.symbol_or_bit(model, false)
     }
 
-    /// The same of a model that may be one of bits.
+    /// The same of a model that may be one of a bit. The caller says so, since it knows
+    /// before the model is read, and the division has to wait for it.
     #[inline(always)]
     pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
+        is_bit: bool,
     ) -> usize {
-        self.decode::<U, true, S, B, T, W>(model)
-    }
-
-    #[inline(always)]
-    fn decode<U: Bucket, const BITS: bool, const S: usize, const B: usize, const T: usize, const W: u32>(
-        &mut self,
-        model: &mut Model<U, S, B, T, W>,
-    ) -> usize {
-        let unit = self.length >> model.precision::<BITS>();
-        let symbol = model.find(self.value / unit);
-        let (from, to) = model.interval(symbol);
-        let from = from * unit;
-        let to = to.map_or(self.length, |to| to * unit);
+        let unit = self.length >> precision(is_bit);
+        let (symbol, from, to) = model.find(self.place(), is_bit, self.value, unit, self.length);
         self.value -= from;
         self.length = to - from;
         self.take_bytes();
         model.count::<true>(symbol);
         symbol
+    }
+
+    /// Where the value lies in the interval, of 2^32, or up to a thousandth less. A division
+    /// would say it exactly, but every symbol would wait for it longer than for all else.
+    #[inline(always)]
+    fn place(&self) -> u32 {
+        let reciprocal = RECIPROCALS[(self.shifted >> (32 - INDEX_BITS)) as usize];
+        ((u64::from(self.value << self.zeros) * u64::from(reciprocal)) >> 15) as u32
     }
 
     /// Bits that are all equally probable; of a damaged stream it may be a greater number
@@ -128,7 +145,10 @@ impl<'a> Decoder<'a> {
     /// Takes bytes in until the interval is long again.
     #[inline(always)]
     fn take_bytes(&mut self) {
-        let bits = missing_bits(self.length);
+        let zeros = leading_zeros(self.length);
+        let bits = zeros & 24;
+        self.shifted = self.length << zeros;
+        self.zeros = zeros & 7;
         let next = match self.rest.first_chunk() {
             Some(next) => {
                 self.rest = &self.rest[(bits / 8) as usize..];
@@ -187,29 +207,20 @@ impl Encoder {
         model: &mut Model<U, S, B, T, W>,
         symbol: usize,
     ) {
-        self.encode::<U, false, S, B, T, W>(model, symbol);
+        self.symbol_or_bit(model, symbol, false);
     }
 
-    /// The same of a model that may be one of bits.
+    /// The same of a model that may be one of a bit.
     #[inline(always)]
     pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
         symbol: usize,
+        is_bit: bool,
     ) {
-        self.encode::<U, true, S, B, T, W>(model, symbol);
-    }
-
-    #[inline(always)]
-    fn encode<U: Bucket, const BITS: bool, const S: usize, const B: usize, const T: usize, const W: u32>(
-        &mut self,
-        model: &mut Model<U, S, B, T, W>,
-        symbol: usize,
-    ) {
-        let unit = self.length >> model.precision::<BITS>();
-        let (from, to) = model.interval(symbol);
-        let from = from * unit;
-        self.narrow(from, to.map_or(self.length, |to| to * unit) - from);
+        let unit = self.length >> precision(is_bit);
+        let (from, to) = model.part(symbol, unit, self.length);
+        self.narrow(from, to - from);
         model.count::<false>(symbol);
     }
 
@@ -240,7 +251,7 @@ impl Encoder {
         if carries {
             self.carry();
         }
-        let bits = missing_bits(length);
+        let bits = leading_zeros(length) & 24;
         let end = self.written + 4;
         if end > self.bytes.len() {
             self.grow();
@@ -288,5 +299,52 @@ impl Encoder {
 
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.written]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn decoder(value: u32, length: u32) -> Decoder<'static> {
+        let zeros = length.leading_zeros();
+        Decoder { value, length, zeros, shifted: length << zeros, ..Decoder::empty() }
+    }
+
+    /// The tables behind a model are found by it, so it must never be too great.
+    #[test]
+    fn a_place_is_a_little_early_but_never_late() {
+        let lengths = (1 << 24..=u32::MAX).step_by(999_983).chain([u32::MAX]);
+        for length in
+            lengths.chain((24..32).flat_map(|bit| [1u32 << bit, (1 << bit) + 1, u32::MAX >> (31 - bit)]))
+        {
+            for value in [0, 1, length / 1000, length / 2, length - 2, length - 1] {
+                let place = u64::from(decoder(value, length).place());
+                let exact = (u64::from(value) << 32) / u64::from(length);
+                assert!(
+                    place <= exact && exact <= place + (place >> 9) + 2,
+                    "{value} of {length}: {place}, {exact}"
+                );
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn raw_bits_come_out_as_they_went_in(numbers in prop::collection::vec((1u32..32, any::<u32>()), 1..200)) {
+            let mut encoder = Encoder::default();
+            for (bits, number) in &numbers {
+                encoder.raw(*bits, number & ((1 << bits) - 1));
+                encoder.raw_word(*number);
+            }
+            encoder.finish();
+            let mut decoder = Decoder::new(encoder.bytes()).unwrap();
+            for (bits, number) in &numbers {
+                prop_assert_eq!(decoder.raw(*bits), number & ((1 << bits) - 1));
+                prop_assert_eq!(decoder.raw_word(), *number);
+            }
+            prop_assert!(decoder.left() == 0 && !decoder.has_ended());
+        }
     }
 }

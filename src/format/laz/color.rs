@@ -48,28 +48,35 @@ impl ColorModels {
     }
 
     #[inline(always)]
-    fn decode_inline(&mut self, decoder: &mut Decoder, last: Color) -> Color {
-        let which = decoder.symbol(self.which.get(128));
+    pub fn decode_inline(&mut self, from: &mut Decoder, last: Color) -> Color {
+        let which = from.symbol(self.which.get(128));
         let last = halves(last);
         let mut color = last;
-        let mut byte = |bit: usize, predicted: i32, otherwise: i32| {
-            if which >> bit & 1 == 0 {
-                return otherwise;
+        for half in 0..2 {
+            if which >> half & 1 == 1 {
+                color[0][half] = self.byte(from, half, last[0][half]);
             }
-            (decoder.symbol(self.bytes[bit].get(256)) as i32 + predicted) & 255
-        };
-        color[0] = [byte(0, last[0][0], last[0][0]), byte(1, last[0][1], last[0][1])];
+        }
         if which & COLORED == 0 {
             color = [color[0]; 3];
         } else {
             for half in 0..2 {
                 let of = last.map(|channel| channel[half]);
                 let red = color[0][half];
-                color[1][half] = byte(2 + half, green(red, of), of[1]);
-                color[2][half] = byte(4 + half, blue(red, color[1][half], of), of[2]);
+                if which >> (2 + half) & 1 == 1 {
+                    color[1][half] = self.byte(from, 2 + half, green(red, of));
+                }
+                if which >> (4 + half) & 1 == 1 {
+                    color[2][half] = self.byte(from, 4 + half, blue(red, color[1][half], of));
+                }
             }
         }
         color.map(|[low, high]| (high << 8 | low) as u16)
+    }
+
+    #[inline(always)]
+    fn byte(&mut self, from: &mut Decoder, bit: usize, predicted: i32) -> i32 {
+        (from.symbol(self.bytes[bit].get(256)) as i32 + predicted) & 255
     }
 
     pub fn encode(&mut self, to: &mut Encoder, last: Color, color: Color) {

@@ -2,6 +2,8 @@
 //! the difference takes, in a context; then its upper bits by a model for that number
 //! of bits, and the lower ones raw.
 
+use std::hint::select_unpredictable;
+
 use super::arithmetic::{Decoder, Encoder};
 use super::model::{ByteModel, LengthModel, Slot, slots};
 
@@ -37,8 +39,7 @@ impl<const CONTEXTS: usize, const BITS: usize> Integer<CONTEXTS, BITS> {
     /// The same of a field that seldom changes, as a call.
     #[inline(always)]
     pub fn decode_apart(&mut self, from: &mut Decoder, context: usize, predicted: i32) -> i32 {
-        let lengths = self.lengths[context].get(BITS + 1);
-        from.apart(|from| decode_by_call(from, lengths, &mut self.differences, predicted))
+        decode_by_call(from, self.lengths[context].get(BITS + 1), &mut self.differences, predicted)
     }
 
     /// The bits of the difference.
@@ -74,31 +75,73 @@ fn decode(
     predicted: i32,
 ) -> (i32, usize) {
     let bits = from.symbol(lengths);
-    let difference = match differences.get_mut(bits) {
-        Some(slot) => {
-            let mut part = from.symbol_or_bit(slot.get(symbols(bits))) as u32;
-            if bits > MOST_MODELED {
-                let raw = (bits - MOST_MODELED) as u32;
-                part = part << raw | from.raw(raw);
-            }
-            unfold(part as i32, bits)
-        }
-        None => i32::MIN,
-    };
-    (predicted.wrapping_add(difference), bits)
+    let upper = upper_bits(from, differences, bits);
+    (predicted.wrapping_add(lower_bits(from, bits, upper)), bits)
 }
 
-/// `bits` bits are the differences from `1 - 2^bits` to `-2^(bits-1)` and from
-/// `2^(bits-1) + 1` to `2^bits`; none are 0 and 1, which the part says.
+/// Two integers of two streams, step by step in turns: the steps of one wait for each
+/// other, and the processor does the other's meanwhile.
 #[inline(always)]
-fn unfold(part: i32, bits: usize) -> i32 {
-    let whole = 1u32 << (bits & 31);
-    let upper = part >= (whole >> 1) as i32;
-    // Its sign is a toss of a coin: no branch.
-    let mask = -i32::from(upper);
-    let shift = (mask & i32::from(bits > 0)) | (!mask & 1i32.wrapping_sub(whole as i32));
-    part.wrapping_add(shift)
+pub fn decode_two<const C: usize, const B: usize, const D: usize, const E: usize>(
+    one: (&mut Integer<C, B>, &mut Decoder, usize, i32),
+    other: (&mut Integer<D, E>, &mut Decoder, usize, i32),
+) -> ((i32, usize), i32) {
+    let bits = one.1.symbol(one.0.lengths[one.2].get(B + 1));
+    let other_bits = other.1.symbol(other.0.lengths[other.2].get(E + 1));
+    let upper = upper_bits(one.1, &mut one.0.differences, bits);
+    let other_upper = upper_bits(other.1, &mut other.0.differences, other_bits);
+    let difference = lower_bits(one.1, bits, upper);
+    let other_difference = lower_bits(other.1, other_bits, other_upper);
+    ((one.3.wrapping_add(difference), bits), other.3.wrapping_add(other_difference))
 }
+
+/// The upper bits of a difference.
+#[inline(always)]
+fn upper_bits(from: &mut Decoder, differences: &mut [Slot<ByteModel>; 32], bits: usize) -> u32 {
+    match differences.get_mut(bits) {
+        Some(slot) => from.symbol_or_bit(slot.get(symbols(bits)), bits == 0) as u32,
+        None => 0,
+    }
+}
+
+/// The difference, with its lower bits. Those with `bits` are from `1 - 2^bits` to
+/// `-2^(bits-1)` and from `2^(bits-1) + 1` to `2^bits`; with none 0 and 1, which the part
+/// says.
+#[inline(always)]
+fn lower_bits(from: &mut Decoder, bits: usize, upper: u32) -> i32 {
+    let mut part = upper;
+    if bits > MOST_MODELED {
+        if bits > 31 {
+            return i32::MIN;
+        }
+        let raw = (bits - MOST_MODELED) as u32;
+        part = part << raw | from.raw(raw);
+    }
+    let of = &HALVES[bits & 31];
+    // Its sign is a toss of a coin: no branch.
+    let shift = select_unpredictable(part >= of.begins, of.upper_shift, of.lower_shift);
+    (part as i32).wrapping_add(shift)
+}
+
+/// From where on parts are those of positive differences, and what is to be added to either.
+#[derive(Clone, Copy)]
+struct Halves {
+    begins: u32,
+    lower_shift: i32,
+    upper_shift: i32,
+}
+
+static HALVES: [Halves; 32] = {
+    let mut halves = [Halves { begins: 0, lower_shift: 0, upper_shift: 0 }; 32];
+    let mut bits = 1;
+    while bits < 32 {
+        let whole = 1u32 << bits;
+        halves[bits] =
+            Halves { begins: whole >> 1, lower_shift: 1i32.wrapping_sub(whole as i32), upper_shift: 1 };
+        bits += 1;
+    }
+    halves
+};
 
 #[inline(never)]
 fn encode(
@@ -118,7 +161,7 @@ fn encode(
     } as u32;
     let model = slot.get(symbols(bits));
     if bits <= MOST_MODELED {
-        to.symbol_or_bit(model, part as usize);
+        to.symbol_or_bit(model, part as usize, bits == 0);
     } else {
         let raw = (bits - MOST_MODELED) as u32;
         to.symbol(model, (part >> raw) as usize);

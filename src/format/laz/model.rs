@@ -14,6 +14,12 @@ const END: u16 = u16::MAX;
 /// Buckets are written so many at once, which is one instruction.
 const STRIDE: usize = 16;
 
+/// How far an interval's length is shifted to be multiplied by bounds.
+#[inline(always)]
+pub fn precision(of_bit: bool) -> u32 {
+    if of_bit { BIT_PRECISION } else { PRECISION }
+}
+
 /// What a bucket says a symbol with.
 pub trait Bucket: Copy + Into<usize> {
     fn of(symbol: usize) -> Self;
@@ -44,7 +50,7 @@ pub struct Model<U, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: us
     cycle: u32,
     total: u32,
     symbols: u16,
-    precision: u16,
+    is_bit: bool,
     /// Where each symbol's probabilities begin; from the number of symbols on, [`END`].
     bounds: [u16; BOUNDS],
     buckets: [U; BUCKETS],
@@ -69,7 +75,7 @@ impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize,
             cycle: symbols as u32,
             total: 0,
             symbols: symbols as u16,
-            precision: PRECISION as u16,
+            is_bit: false,
             bounds: [END; BOUNDS],
             buckets: [U::of(0); BUCKETS],
             counts: [0; SYMBOLS],
@@ -84,38 +90,41 @@ impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize,
     /// A model of single bits. It has rules of its own.
     fn bit() -> Self {
         let mut model = Self::even(2);
-        model.precision = BIT_PRECISION as u16;
+        model.is_bit = true;
         (model.left, model.cycle, model.total) = (4, 4, 2);
         model.bounds[1] = 1 << (BIT_PRECISION - 1);
         model.fill_buckets();
         model
     }
 
-    /// How far an interval's length is shifted to be multiplied by bounds; of bits it is
-    /// another number than of all other models.
+    /// The symbol whose part of an interval of `length` a value lies in, and where that part
+    /// begins and ends. A `unit` is what the length is for one of all probabilities. `at` says
+    /// how far into the interval the value lies, of 2^32, or less: then the search is longer.
     #[inline(always)]
-    pub fn precision<const BITS: bool>(&self) -> u32 {
-        if BITS { u32::from(self.precision) & 31 } else { PRECISION }
-    }
-
-    /// The symbol whose probabilities `at` lies in; the last one if it lies behind all.
-    /// `at` is below `(1 << 15) + 64`, which every decoder's invariant gives.
-    #[inline(always)]
-    pub fn find(&self, at: u32) -> usize {
-        let mut symbol: usize = self.buckets[(at >> WIDTH) as usize].into();
-        // The last bound is END, so it ends there at the latest.
-        while u32::from(self.bounds[Self::within(symbol) + 1]) <= at {
+    pub fn find(&self, at: u32, is_bit: bool, value: u32, unit: u32, length: u32) -> (usize, u32, u32) {
+        let bucket = at >> (32 - precision(is_bit) + WIDTH);
+        let mut symbol: usize = self.buckets[bucket as usize].into();
+        let mut end = self.end(symbol, unit);
+        // The last bound is END, which no value lies behind, so it ends there at the latest.
+        while end <= u64::from(value) {
             symbol += 1;
+            end = self.end(symbol, unit);
         }
-        symbol
+        let from = u32::from(self.bounds[Self::within(symbol)]) * unit;
+        (symbol, from, end.min(u64::from(length)) as u32)
     }
 
-    /// Where a symbol's probabilities begin and end; `None` for the end of the last.
     #[inline(always)]
-    pub fn interval(&self, symbol: usize) -> (u32, Option<u32>) {
-        let symbol = Self::within(symbol);
-        let end = self.bounds[symbol + 1];
-        (u32::from(self.bounds[symbol]), (end != END).then_some(u32::from(end)))
+    fn end(&self, symbol: usize, unit: u32) -> u64 {
+        u64::from(self.bounds[Self::within(symbol) + 1]) * u64::from(unit)
+    }
+
+    /// The part of an interval of `length` that is a symbol's: where it begins, and ends.
+    #[inline(always)]
+    pub fn part(&self, symbol: usize, unit: u32, length: u32) -> (u32, u32) {
+        let from = u32::from(self.bounds[Self::within(symbol)]) * unit;
+        // The last one's end is that of the interval, which END lies behind.
+        (from, self.end(symbol, unit).min(u64::from(length)) as u32)
     }
 
     /// Counts a symbol. Only decoders need the buckets.
@@ -140,7 +149,7 @@ impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize,
     #[inline(never)]
     fn renew(&mut self, buckets: bool) {
         self.total += self.cycle;
-        let longest = if u32::from(self.precision) == BIT_PRECISION {
+        let longest = if self.is_bit {
             self.renew_bit();
             64
         } else {
@@ -189,7 +198,7 @@ impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize,
     /// A symbol's buckets are those that begin within its probabilities. Each is written
     /// a stride at once, and the next symbol overwrites what is too much.
     fn fill_buckets(&mut self) {
-        let all = (1usize << self.precision) >> WIDTH;
+        let all = (1usize << precision(self.is_bit)) >> WIDTH;
         let mut fill = |from: usize, symbol: usize| {
             self.buckets[from..from + STRIDE].copy_from_slice(&[U::of(symbol); STRIDE]);
             from + STRIDE
@@ -324,13 +333,23 @@ mod tests {
             let symbol = usize::from(*symbol) % usize::from(model.symbols);
             model.count::<true>(symbol);
         }
-        let top = 1 << model.precision;
-        let places = (0..=top + 63).step_by(7).chain([top - 1, top, top + 63]);
-        for at in places.chain(model.bounds.iter().map(|b| u32::from(*b)).filter(|b| *b < top)) {
-            let found = model.find(at);
-            assert_eq!(found, searched(model, at), "at {at}");
-            let (from, to) = model.interval(found);
-            assert!(from <= at && to.is_none_or(|to| at < to && from < to), "{from} {at} {to:?}");
+        let precision = precision(model.is_bit);
+        let top = 1 << precision;
+        let places = (0..top).step_by(7).chain([top - 1]);
+        let places = places.chain(model.bounds.iter().map(|b| u32::from(*b)).filter(|b| *b < top));
+        for at in places {
+            for (length, beyond) in [(1 << 24, 0), ((1 << 24) + 77, 500), (u32::MAX, (1 << 15) - 1)] {
+                let unit = length >> precision;
+                let value = (at * unit + beyond).min(length - 1);
+                let estimate = (u64::from(value) << 32) / u64::from(length);
+                for early in [0, estimate / 700, estimate / 3] {
+                    let (symbol, from, to) =
+                        model.find((estimate - early) as u32, model.is_bit, value, unit, length);
+                    assert_eq!(symbol, searched(model, value / unit), "at {at} of {length}");
+                    assert_eq!((from, to), model.part(symbol, unit, length));
+                    assert!(from <= value && value < to && to <= length, "{from} {value} {to}");
+                }
+            }
         }
     }
 

@@ -130,7 +130,8 @@ impl Points {
         if changes != 0 {
             let last = &mut self.intensities[context];
             if changes & INTENSITY != 0 {
-                *last = self.intensity.decode_apart(from, context.min(3), i32::from(*last)) as u16;
+                let (intensity, _) = self.intensity.decode(from, context.min(3), i32::from(*last));
+                *last = intensity as u16;
             }
             point.intensity = *last;
             if changes & CLASSIFICATION != 0 {
@@ -146,7 +147,8 @@ impl Points {
                 point.user_data = from.symbol(model.get(256)) as u8;
             }
             if changes & SOURCE != 0 {
-                point.source = self.source.decode_apart(from, 0, i32::from(point.source)) as u16;
+                let last = i32::from(point.source);
+                point.source = from.apart(|from| self.source.decode_apart(from, 0, last)) as u16;
             }
         }
         let single = returns == 1;
@@ -242,13 +244,13 @@ impl PointwiseDecoder {
             let Some((bytes, mut rest)) = record.split_first_chunk_mut() else { break };
             self.points.last.put(bytes);
             if TIME {
-                let time = decoder.apart(|from| self.times.decode(from))?;
+                let time = self.times.decode_inline(&mut decoder)?;
                 let Some((bytes, behind)) = rest.split_first_chunk_mut() else { break };
                 *bytes = time.to_le_bytes();
                 rest = behind;
             }
             if COLOR {
-                self.last_color = decoder.apart(|from| self.color.decode(from, self.last_color));
+                self.last_color = self.color.decode_inline(&mut decoder, self.last_color);
                 let Some((bytes, behind)) = rest.split_first_chunk_mut::<6>() else { break };
                 for (bytes, channel) in bytes.chunks_exact_mut(2).zip(self.last_color) {
                     bytes.copy_from_slice(&channel.to_le_bytes());

@@ -63,6 +63,11 @@ impl<const REPEATS: bool> Times<REPEATS> {
 
     #[inline(never)]
     pub fn decode(&mut self, from: &mut Decoder) -> Result<i64, LazError> {
+        from.apart(|from| self.decode_inline(from))
+    }
+
+    #[inline(always)]
+    pub fn decode_inline(&mut self, from: &mut Decoder) -> Result<i64, LazError> {
         for _ in 0..=MOST_SWITCHES {
             let last = self.last & 3;
             let switch = if self.differences[last] == 0 {
@@ -70,12 +75,12 @@ impl<const REPEATS: bool> Times<REPEATS> {
                 match code + 1 - Self::MORE {
                     0 => return Ok(self.times[last]),
                     1 => {
-                        let difference = self.numbers.decode_apart(from, 0, 0);
+                        let difference = from.apart(|from| self.numbers.decode_apart(from, 0, 0));
                         self.differences[last] = difference;
                         self.extremes[last] = 0;
                         return Ok(self.add(difference));
                     }
-                    2 => return Ok(self.decode_far(from)),
+                    2 => return Ok(from.apart(|from| self.decode_far(from))),
                     code => code - 2,
                 }
             } else {
@@ -83,12 +88,12 @@ impl<const REPEATS: bool> Times<REPEATS> {
                     code if code < Self::FAR - Self::MORE => {
                         let (context, factor, extreme) = multiple_of(code as i32);
                         let predicted = self.differences[last].wrapping_mul(factor);
-                        let difference = self.numbers.decode_apart(from, context, predicted);
+                        let (difference, _) = self.numbers.decode(from, context, predicted);
                         self.note(context, extreme, difference);
                         return Ok(self.add(difference));
                     }
                     code if code < Self::FAR => return Ok(self.times[last]),
-                    code if code == Self::FAR => return Ok(self.decode_far(from)),
+                    code if code == Self::FAR => return Ok(from.apart(|from| self.decode_far(from))),
                     code => code - Self::FAR,
                 }
             };
@@ -119,6 +124,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
     }
 
     /// A time that no difference of 32 bits leads to begins a sequence.
+    #[inline(never)]
     fn decode_far(&mut self, from: &mut Decoder) -> i64 {
         let above = (self.times[self.last & 3] >> 32) as i32;
         let high = self.numbers.decode_apart(from, 8, above);

@@ -6,7 +6,7 @@ mod encode;
 use super::LazError;
 use super::arithmetic::Decoder;
 use super::field;
-use super::integer::Integer;
+use super::integer::{Integer, decode_two};
 use super::model::{ByteModel, Slot, slots};
 use super::predict::{self, Median};
 use super::time::Times;
@@ -299,14 +299,52 @@ impl Channel {
         let returns = Returns::of(point);
         let context = returns.differences | usize::from(time_changes);
 
+        // Layers wait for nothing but themselves, so the processor decodes those at the same
+        // time that stand next to each other here; x, y and z are one long chain.
+        if has[CLASSIFICATION] {
+            let context = usize::from(point.classification & 31) << 1 | usize::from(returns.place == 3);
+            let model = self.classification[context].get(256);
+            point.classification = layers[CLASSIFICATION].symbol(model) as u8;
+        }
         let median = &mut self.x_differences[context];
-        let (difference, x_bits) = self.x.decode(xy, usize::from(returns.single), median.get());
+        let x_context = usize::from(returns.single);
+        let (difference, x_bits) = if has[INTENSITY] {
+            let last = &mut self.intensities[returns.place << 1 | usize::from(time_changes)];
+            let decoder = &mut layers[INTENSITY];
+            let mut copy = *decoder;
+            let (x, intensity) = decode_two(
+                (&mut self.x, xy, x_context, median.get()),
+                (&mut self.intensity, &mut copy, returns.place, i32::from(*last)),
+            );
+            *decoder = copy;
+            *last = intensity as u16;
+            point.intensity = *last;
+            x
+        } else {
+            self.x.decode(xy, x_context, median.get())
+        };
         median.add(difference);
         point.at[0] = point.at[0].wrapping_add(difference);
 
+        if has[FLAGS] {
+            let flags = layers[FLAGS].symbol(self.flags[point.plain_flags()].get(64)) as u8;
+            point.flags = (flags & 0x30) << 2 | point.flags & 0x30 | flags & 15;
+        }
         let median = &mut self.y_differences[context];
-        let (difference, y_bits) =
-            self.y.decode(xy, predict::y_context(returns.single, x_bits), median.get());
+        let y_context = predict::y_context(returns.single, x_bits);
+        let (difference, y_bits) = if changes & ANGLE_CHANGES != 0 && has[SCAN_ANGLE] {
+            let decoder = &mut layers[SCAN_ANGLE];
+            let mut copy = *decoder;
+            let (y, angle) = decode_two(
+                (&mut self.y, xy, y_context, median.get()),
+                (&mut self.scan_angle, &mut copy, usize::from(time_changes), i32::from(point.scan_angle)),
+            );
+            *decoder = copy;
+            point.scan_angle = angle as i16;
+            y
+        } else {
+            self.y.decode(xy, y_context, median.get())
+        };
         median.add(difference);
         point.at[1] = point.at[1].wrapping_add(difference);
 
@@ -315,25 +353,6 @@ impl Channel {
             let context = predict::z_context(returns.single, x_bits, y_bits);
             (*height, _) = self.z.decode(&mut layers[Z], context, *height);
             point.at[2] = *height;
-        }
-        if has[CLASSIFICATION] {
-            let context = usize::from(point.classification & 31) << 1 | usize::from(returns.place == 3);
-            let model = self.classification[context].get(256);
-            point.classification = layers[CLASSIFICATION].symbol(model) as u8;
-        }
-        if has[FLAGS] {
-            let flags = layers[FLAGS].symbol(self.flags[point.plain_flags()].get(64)) as u8;
-            point.flags = (flags & 0x30) << 2 | point.flags & 0x30 | flags & 15;
-        }
-        if has[INTENSITY] {
-            let last = &mut self.intensities[returns.place << 1 | usize::from(time_changes)];
-            let decoder = &mut layers[INTENSITY];
-            *last = self.intensity.decode_apart(decoder, returns.place, i32::from(*last)) as u16;
-            point.intensity = *last;
-        }
-        if changes & ANGLE_CHANGES != 0 && has[SCAN_ANGLE] {
-            let (context, last) = (usize::from(time_changes), i32::from(point.scan_angle));
-            point.scan_angle = self.scan_angle.decode_apart(&mut layers[SCAN_ANGLE], context, last) as i16;
         }
         if has[USER_DATA] {
             let model = self.user_data[usize::from(point.user_data >> 2)].get(256);
