@@ -182,23 +182,28 @@ fn last_bytes(rest: &[u8], used: usize) -> (u32, &[u8], bool) {
 /// Makes a stream of bytes of symbols.
 #[derive(Debug, Clone)]
 pub struct Encoder {
-    /// Longer than what was written, so that four bytes can be put down at once.
+    /// Four bytes in front of the stream, the stream, and some room behind it.
     bytes: Vec<u8>,
-    written: usize,
-    base: u32,
+    /// Where the last four bytes lie that were given out.
+    last: usize,
+    /// Those four, and the interval's bottom: one that is carried mostly ends in them.
+    base: u64,
     length: u32,
 }
 
+/// Bytes in front of a stream, as if they had been given out.
+const FRONT: usize = 4;
+
 impl Default for Encoder {
     fn default() -> Encoder {
-        Encoder { bytes: Vec::new(), written: 0, base: 0, length: u32::MAX }
+        Encoder { bytes: Vec::new(), last: 0, base: 0, length: u32::MAX }
     }
 }
 
 impl Encoder {
     /// Begins a new stream in the same memory.
     pub fn clear(&mut self) {
-        (self.written, self.base, self.length) = (0, 0, u32::MAX);
+        (self.last, self.base, self.length) = (0, 0, u32::MAX);
     }
 
     #[inline(always)]
@@ -247,34 +252,32 @@ impl Encoder {
     /// Goes over to the part of the interval that begins at `from`.
     #[inline(always)]
     fn narrow(&mut self, from: u32, length: u32) {
-        let (base, carries) = self.base.overflowing_add(from);
+        let (base, carries) = self.base.overflowing_add(u64::from(from));
         if carries {
             self.carry();
         }
         let bits = leading_zeros(length) & 24;
-        let end = self.written + 4;
-        if end > self.bytes.len() {
-            self.grow();
+        match self.bytes.get_mut(self.last..self.last + 8) {
+            Some(place) => place.copy_from_slice(&base.to_be_bytes()),
+            None => self.grow(base),
         }
-        if let Some(place) = self.bytes.get_mut(self.written..end) {
-            place.copy_from_slice(&base.to_be_bytes());
-        }
-        self.written += (bits / 8) as usize;
-        self.base = (u64::from(base) << bits) as u32;
+        self.last += (bits / 8) as usize;
+        self.base = base << bits;
         self.length = length << bits;
     }
 
     #[cold]
     #[inline(never)]
-    fn grow(&mut self) {
+    fn grow(&mut self, base: u64) {
         self.bytes.resize((2 * self.bytes.len()).max(256), 0);
+        self.bytes[self.last..self.last + 8].copy_from_slice(&base.to_be_bytes());
     }
 
-    /// Adds one to what was written.
+    /// Adds one to what was given out before the last four bytes.
     #[cold]
     #[inline(never)]
     fn carry(&mut self) {
-        for byte in self.bytes[..self.written].iter_mut().rev() {
+        for byte in self.bytes[..self.last].iter_mut().rev() {
             *byte = byte.wrapping_add(1);
             if *byte != 0 {
                 break;
@@ -292,13 +295,13 @@ impl Encoder {
             self.narrow(1 << 23, 1 << 15);
         }
         let zeros = if long { 3 } else { 2 };
-        self.bytes.truncate(self.written);
-        self.bytes.resize(self.written + zeros, 0);
-        self.written = self.bytes.len();
+        let end = self.last + FRONT;
+        self.bytes.truncate(end);
+        self.bytes.resize(end + zeros, 0);
     }
 
     pub fn bytes(&self) -> &[u8] {
-        &self.bytes[..self.written]
+        &self.bytes[FRONT..]
     }
 }
 
@@ -327,6 +330,21 @@ mod tests {
                     "{value} of {length}: {place}, {exact}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn a_carry_goes_as_far_as_it_has_to() {
+        for ones in [0, 1, 3, 4, 5, 30] {
+            let mut encoder = Encoder::default();
+            // A seven, and then the interval's bottom is nothing but ones, as are its bytes.
+            encoder.narrow(0x07FF_FFFF, 1 << 16);
+            (0..ones).for_each(|_| encoder.narrow(0xFF, 1 << 16));
+            encoder.narrow(0x100, 1 << 16);
+            encoder.finish();
+            let mut wanted = vec![8];
+            wanted.extend(vec![0; ones + 1]);
+            assert_eq!(&encoder.bytes()[..ones + 2], &wanted, "{ones}");
         }
     }
 
