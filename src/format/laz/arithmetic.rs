@@ -1,6 +1,7 @@
 //! The arithmetic coder: a number in an interval that each symbol narrows to its part
 //! (Said 2004). Bytes are taken in, or given out, as the interval gets short.
 
+use super::LazError;
 use super::model::{Bucket, Model, precision};
 
 /// Raw bits that are coded at once.
@@ -61,6 +62,20 @@ impl<'a> Decoder<'a> {
     /// layer of x and y, which then ends at once.
     pub fn empty() -> Decoder<'static> {
         Decoder { rest: &[], value: 0, length: u32::MAX, zeros: 0, shifted: u32::MAX, ended: false }
+    }
+
+    /// Of a layer, if it has bytes.
+    pub fn of_layer(layer: &'a [u8]) -> Result<Option<Decoder<'a>>, LazError> {
+        match layer.len() {
+            0 => Ok(None),
+            1..4 => Err(LazError::Ended),
+            _ => Decoder::new(layer).map(Some).ok_or(LazError::Beginning),
+        }
+    }
+
+    /// The same decoder where the rest of its bytes is found at another place.
+    pub fn over<'b>(&self, rest: &'b [u8]) -> Decoder<'b> {
+        Decoder { rest, ..*self }
     }
 
     /// Works with a copy, and takes its state over. A decoder that is lent to a function

@@ -125,11 +125,7 @@ impl<'a> Layers<'a> {
         let mut layers = sizes.map(|size| {
             let (layer, behind) = rest.split_at_checked(size as usize).ok_or(LazError::Ended)?;
             rest = behind;
-            match layer.len() {
-                0 => Ok(None),
-                1..4 => Err(LazError::Ended),
-                _ => Decoder::new(layer).map(Some).ok_or(LazError::Beginning),
-            }
+            Decoder::of_layer(layer)
         });
         let mut next = || layers.next().unwrap_or(Ok(None));
         let mut point = [Decoder::empty(); LAYERS];

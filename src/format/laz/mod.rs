@@ -14,13 +14,14 @@ mod layered;
 mod model;
 mod point14;
 mod pointwise;
-pub(super) mod predict;
+mod predict;
 mod time;
 
 use std::fmt;
 
 use encode::LayeredEncoder;
 use layered::LayeredDecoder;
+pub use point14::Point14Decoder;
 use pointwise::PointwiseDecoder;
 
 /// What the records of a chunk are made of.

@@ -5,7 +5,6 @@
 //! are written anew here, with a bound; the field of points of the formats 6 to 10
 //! has its time among its layers, so all of it is.
 
-mod median;
 mod point14;
 mod time;
 

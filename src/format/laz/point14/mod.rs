@@ -1,6 +1,7 @@
 //! The item POINT14, the standard fields of the point formats 6 to 10, in nine layers.
 //! Each scanner channel has models and predictions of its own.
 
+mod alone;
 mod encode;
 
 use super::LazError;
@@ -10,6 +11,7 @@ use super::integer::{Integer, decode_two};
 use super::model::{ByteModel, Slot, slots};
 use super::predict::{self, Median};
 use super::time::Times;
+pub use alone::Point14Decoder;
 
 /// Layers, and their order in a chunk.
 pub const LAYERS: usize = 9;
