@@ -332,7 +332,7 @@ mod tests {
 
     /// The tables behind a model are found by it, so it must never be too great.
     #[test]
-    fn a_place_is_a_little_early_but_never_late() {
+    fn places_are_a_little_early_never_late() {
         let lengths = (1 << 24..=u32::MAX).step_by(999_983).chain([u32::MAX]);
         for length in
             lengths.chain((24..32).flat_map(|bit| [1u32 << bit, (1 << bit) + 1, u32::MAX >> (31 - bit)]))
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_carry_goes_as_far_as_it_has_to() {
+    fn a_carry_goes_as_far_as_needed() {
         for ones in [0, 1, 3, 4, 5, 30] {
             let mut encoder = Encoder::default();
             // A seven, and then the interval's bottom is nothing but ones, as are its bytes.

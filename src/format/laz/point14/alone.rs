@@ -25,7 +25,9 @@ impl Layer {
 }
 
 impl Point14Decoder {
+    /// Bytes of the item in a record.
     pub const SIZE: usize = Point14::SIZE;
+    /// Layers of the item in a chunk.
     pub const LAYERS: usize = LAYERS;
 
     /// Begins a chunk with its first record, and says the channel of that.
@@ -35,6 +37,7 @@ impl Point14Decoder {
     }
 
     /// Takes over the chunk's layers; one without bytes is of a field that never changes.
+    /// An error if one has too few, or begins as no encoder begins.
     pub fn take(&mut self, layers: [Vec<u8>; LAYERS]) -> Result<(), LazError> {
         for (layer, bytes) in self.layers.iter_mut().zip(layers) {
             let decoder = Decoder::of_layer(&bytes)?;
@@ -46,7 +49,7 @@ impl Point14Decoder {
     }
 
     /// Decodes the next record. Says its channel, and whether that is another than the
-    /// last one's.
+    /// last one's. An error where a layer has ended, or times switch without end.
     pub fn decode(&mut self, record: &mut [u8; Point14::SIZE]) -> Result<(usize, bool), LazError> {
         let has = self.layers.each_ref().map(|layer| layer.decoder.is_some());
         let mut decoders = self.layers.each_ref().map(Layer::decoder);
