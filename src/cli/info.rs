@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::exit::Exit;
 use super::output::{self, failed};
-use crate::format::copc::is_copc;
+use crate::format::finished::{self, Finished};
 use crate::format::las::{Header, LasFile};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::{self, Metadata, files};
@@ -28,16 +28,14 @@ pub struct Arguments {
 
 pub fn run(arguments: Arguments) -> Exit {
     let path = arguments.path;
-    let folder = match path.file_name().is_some_and(|name| name == potree::METADATA) {
-        true => path.parent().unwrap_or(Path::new(".")),
-        false => &path,
-    };
-    let text = match folder.is_dir() {
-        true => of_octree(folder, arguments.json).map_err(|error| failed(&error)),
-        false if is_copc(&path) => {
-            copc::describe(&path, default_memory_limit(), arguments.json).map_err(|error| failed(&error))
+    let text = match finished::find(&path) {
+        Finished::Octree(folder) => of_octree(&folder, arguments.json).map_err(|error| failed(&error)),
+        Finished::Copc(file) => copc::describe(&file, default_memory_limit(), arguments.json)
+            .map_err(|error| failed(&error)),
+        Finished::Neither if path.is_dir() => {
+            of_octree(&path, arguments.json).map_err(|error| failed(&error))
         }
-        false => LasFile::open(&path)
+        Finished::Neither => LasFile::open(&path)
             .map_err(|error| failed(&error))
             .map(|file| of_las(&path, file.header(), arguments.json)),
     };

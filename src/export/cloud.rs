@@ -6,7 +6,8 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
-use crate::format::copc::{CopcFile, ENDING, Entry, is_copc};
+use crate::format::copc::{CopcFile, Entry};
+use crate::format::finished::{self, Finished};
 use crate::format::las::{GpsTime, Vlr};
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
@@ -53,27 +54,15 @@ enum Body {
 impl Cloud {
     /// Opens an octree's folder, the COPC file in a folder without one, or a COPC file.
     pub fn open(path: &Path, memory_limit: u64) -> Result<Cloud, ExportError> {
-        let path = match path.file_name().is_some_and(|name| name == potree::METADATA) {
-            true => path.parent().unwrap_or(Path::new(".")),
-            false => path,
-        };
-        if !path.is_dir() {
-            return match is_copc(path) {
-                true => Ok(of_copc(CopcFile::open(path, memory_limit)?)),
-                // What cannot be opened says why; anything else is no COPC.
-                false => match fs::File::open(path) {
-                    Err(error) => Err(crate::platform::disk::DiskError::new("open", path, error).into()),
-                    Ok(_) => Err(ExportError::NoCloud(path.to_path_buf())),
-                },
-            };
-        }
-        if path.join(potree::METADATA).exists() {
-            let of_octree = |source| ExportError::Octree { path: path.to_path_buf(), source };
-            return of_potree(path, memory_limit).map_err(of_octree);
-        }
-        match copc_in(path).as_slice() {
-            [only] => Ok(of_copc(CopcFile::open(only, memory_limit)?)),
-            _ => Err(ExportError::NoCloud(path.to_path_buf())),
+        match finished::find(path) {
+            Finished::Copc(file) => Ok(of_copc(CopcFile::open(&file, memory_limit)?)),
+            Finished::Octree(folder) => of_potree(&folder, memory_limit)
+                .map_err(|source| ExportError::Octree { path: folder.clone(), source }),
+            // What cannot be opened says why; anything else is no cloud.
+            Finished::Neither => match fs::File::open(path) {
+                Err(error) => Err(crate::platform::disk::DiskError::new("open", path, error).into()),
+                Ok(_) => Err(ExportError::NoCloud(path.to_path_buf())),
+            },
         }
     }
 
@@ -124,18 +113,6 @@ impl Cloud {
             }
         }
     }
-}
-
-/// The COPC files of a folder, sorted.
-pub fn copc_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let is_named_so = |path: &PathBuf| {
-        let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase());
-        name.is_some_and(|name| name.ends_with(ENDING) && !name.starts_with('.'))
-    };
-    let mut files: Vec<PathBuf> = entries.filter(is_named_so).filter(|path| path.is_file()).collect();
-    files.sort();
-    files
 }
 
 fn of_copc(file: CopcFile) -> Cloud {

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::ExportError;
-use super::cloud::copc_in;
 use crate::format::copc::{CopcFile, ENDING};
 use crate::format::crs::ToDegrees;
+use crate::format::finished::copc_in;
 use crate::format::las::GpsTime;
 use crate::octree::attribute::Scalar;
 

@@ -2,6 +2,7 @@
 
 pub mod copc;
 pub mod crs;
+pub mod finished;
 pub mod inputs;
 pub mod las;
 pub mod laz;

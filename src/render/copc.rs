@@ -2,37 +2,17 @@
 //! points thinned evenly where a picture needs few of them.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::error::Result;
-use crate::format::copc::{CopcFile, ENDING, Entry};
+use crate::format::copc::{CopcFile, Entry};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
-use crate::format::potree::{self, Encoding, Generator, Metadata, Node, NodeName, attribute_entry};
+use crate::format::potree::{Encoding, Generator, Metadata, Node, NodeName, attribute_entry};
 use crate::octree::attribute::{RGB_AVERAGE, Schema};
 use crate::octree::statistics::AttributeStatistics;
 
 /// Memory for the nodes of a file, and for a node's points.
 const MEMORY: u64 = 512 << 20;
-
-/// The COPC file that a path means: itself, or the only one in a folder that has no
-/// octree.
-pub fn file_in(path: &Path) -> Option<PathBuf> {
-    if path.is_file() {
-        return Some(path.to_path_buf())
-            .filter(|path| path.file_name().is_none_or(|n| n != potree::METADATA));
-    }
-    if path.join(potree::METADATA).exists() {
-        return None;
-    }
-    let names = std::fs::read_dir(path).ok()?.flatten().map(|entry| entry.path());
-    let is_copc = |path: &PathBuf| {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        name.ends_with(ENDING) && !name.starts_with('.')
-    };
-    let mut files = names.filter(is_copc);
-    let first = files.next();
-    first.filter(|_| files.next().is_none())
-}
 
 /// An open file.
 pub struct CopcNodes {

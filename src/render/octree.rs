@@ -11,9 +11,10 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::copc::{self, CopcNodes};
+use super::copc::CopcNodes;
 use super::error::{RenderError, Result};
 use crate::format::crs;
+use crate::format::finished::{self, Finished};
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::{
     self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, files,
@@ -79,9 +80,12 @@ impl Octree {
     /// Opens the octree in a folder, ours or PotreeConverter's; or a COPC file, by its
     /// own name or that of a folder with no octree in it.
     pub fn open(path: &Path) -> Result<Octree> {
-        let octree = match copc::file_in(path) {
-            Some(file) => Octree::open_copc(&file)?,
-            None => Octree::open_potree(path)?,
+        let octree = match finished::find(path) {
+            Finished::Copc(file) => Octree::open_copc(&file)?,
+            Finished::Octree(folder) => Octree::open_potree(&folder)?,
+            // Their errors say what is missing.
+            Finished::Neither if path.is_dir() => Octree::open_potree(path)?,
+            Finished::Neither => Octree::open_copc(path)?,
         };
         match octree.metadata.points {
             0 => Err(RenderError::Nothing { folder: path.to_path_buf() }),

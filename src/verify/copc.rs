@@ -3,7 +3,7 @@
 
 mod readers;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -19,8 +19,8 @@ use crate::octree::node::NodeKey;
 use crate::words::{self, grouped};
 
 /// Checks a COPC file, on the threads of the current rayon pool.
-pub fn verify(request: &Request, files: &[PathBuf]) -> Result<Report, VerifyError> {
-    let file = match CopcFile::open(&request.octree, request.memory_limit) {
+pub fn verify(request: &Request, path: &Path, files: &[PathBuf]) -> Result<Report, VerifyError> {
+    let file = match CopcFile::open(path, request.memory_limit) {
         Ok(file) => file,
         Err(error @ (CopcError::Damaged { .. } | CopcError::Las(_))) => {
             let mut report = Report::empty(request, None);

@@ -30,7 +30,7 @@ mod tests;
 mod tests_support;
 mod value;
 
-use crate::format::copc::is_copc;
+use crate::format::finished::{self, Finished};
 use crate::format::inputs::expand;
 use crate::format::potree::{Metadata, PotreeError};
 pub use error::VerifyError;
@@ -44,10 +44,12 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
         true => Vec::new(),
         false => expand(&request.against)?,
     };
-    if !request.octree.is_dir() && is_copc(&request.octree) {
-        return copc::verify(request, &files);
-    }
-    let mut octree = match Octree::open(&request.octree, request.memory_limit) {
+    let folder = match finished::find(&request.octree) {
+        Finished::Copc(file) => return copc::verify(request, &file, &files),
+        Finished::Octree(folder) => folder,
+        Finished::Neither => request.octree.clone(),
+    };
+    let mut octree = match Octree::open(&folder, request.memory_limit) {
         Opened::Whole(octree) => octree,
         Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
         Opened::Nothing(error) => return Ok(unreadable(request, None, &error)),
