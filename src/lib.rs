@@ -34,8 +34,10 @@ pub mod format;
 // Pictures of octrees.
 pub mod render;
 
-// One conversion, and what checks it.
+// One conversion.
 pub mod convert;
+
+// What is done with its files, and what checks them.
 pub mod export;
 pub mod verify;
 

@@ -1,7 +1,9 @@
 //! Octrees and COPC files back to LAS or LAZ: all attributes of all points, node by node,
-//! in a bounded amount of memory. `vpc` lists COPC files as one virtual point cloud.
+//! in a bounded amount of memory. `vpc` lists COPC files as one virtual point cloud,
+//! `overview` makes what is shown of them from afar.
 
 mod cloud;
+pub mod overview;
 mod pick;
 mod points;
 pub mod vpc;
@@ -60,4 +62,8 @@ pub enum ExportError {
     Misfit { what: String, instead: u8 },
     #[error("{0}")]
     Option(String),
+    #[error("the overview {} could not be made: {source}", path.display())]
+    Overview { path: PathBuf, source: Box<crate::convert::run::ConductError> },
+    #[error("it was told to stop")]
+    Cancelled,
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::ExportError;
+use super::overview::Overview;
 use crate::format::copc::{CopcFile, ENDING};
 use crate::format::crs::ToDegrees;
 use crate::format::finished::copc_in;
@@ -31,15 +32,15 @@ pub struct Vpc {
     pub left_out: Vec<(PathBuf, String)>,
 }
 
-/// Lists all COPC files of a folder and of the folders in it, sorted by path. Paths in the
-/// list are relative to the folder `beside` which it will lie. `overview` is a COPC file
-/// with some points of all, which is not listed itself.
-pub fn list(folder: &Path, beside: &Path, overview: Option<&Path>, memory_limit: u64) -> Vpc {
-    let files: Vec<PathBuf> =
-        found(folder).into_iter().filter(|path| Some(path.as_path()) != overview).collect();
+/// Lists COPC files. Paths in the list are relative to the folder `beside` which it will
+/// lie. The overviews are not to be among the files.
+pub fn list(files: &[PathBuf], beside: &Path, overviews: &[Overview], memory_limit: u64) -> Vpc {
     let share = memory_limit / rayon::current_num_threads().max(1) as u64;
-    let overview = overview.map(|path| relative(path, beside));
-    let item = |path: &PathBuf| item(path, &relative(path, beside), overview.as_deref(), share);
+    let overviews: Vec<(Option<&str>, String)> = overviews
+        .iter()
+        .map(|overview| (overview.crs.as_deref(), relative(&overview.path, beside)))
+        .collect();
+    let item = |path: &PathBuf| item(path, &relative(path, beside), &overviews, share);
     let items: Vec<Result<(Value, u64), ExportError>> = files.par_iter().map(item).collect();
     let (mut features, mut points, mut left_out) = (Vec::new(), 0, Vec::new());
     for (path, item) in files.iter().zip(items) {
@@ -57,7 +58,7 @@ pub fn list(folder: &Path, beside: &Path, overview: Option<&Path>, memory_limit:
     Vpc { json: format!("{all:#}\n"), files, points, left_out }
 }
 
-/// COPC files in a folder and one level below it; hidden folders are passed over.
+/// COPC files in a folder and one level below it, sorted; hidden folders are passed over.
 pub fn found(folder: &Path) -> Vec<PathBuf> {
     let mut files = copc_in(folder);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -99,7 +100,7 @@ fn name_uniquely(features: &mut [Value]) {
 fn item(
     path: &Path,
     href: &str,
-    overview: Option<&str>,
+    overviews: &[(Option<&str>, String)],
     memory_limit: u64,
 ) -> Result<(Value, u64), ExportError> {
     let file = CopcFile::open(path, memory_limit)?;
@@ -131,7 +132,7 @@ fn item(
     }
     let mut assets =
         json!({ "data": { "href": href, "roles": ["data"], "type": "application/vnd.laszip+copc" } });
-    if let Some(href) = overview {
+    if let Some((_, href)) = overviews.iter().find(|(of, _)| of.is_none_or(|of| of == crs)) {
         assets["overview"] =
             json!({ "href": href, "roles": ["overview"], "type": "application/vnd.laszip+copc" });
     }

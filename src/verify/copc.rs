@@ -180,6 +180,8 @@ struct Walk {
     max: Option<[i32; 3]>,
     /// From return 0 on.
     returns: [u64; 16],
+    /// Points whose return number is larger than their number of returns.
+    beyond: u64,
     time: Option<(f64, f64)>,
     sum: Sum,
 }
@@ -194,6 +196,7 @@ impl Walk {
         };
         (self.min, self.max) = (join(self.min, other.min, i32::min), join(self.max, other.max, i32::max));
         self.returns.iter_mut().zip(other.returns).for_each(|(a, b)| *a += b);
+        self.beyond += other.beyond;
         self.time = match (self.time, other.time) {
             (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
             (a, b) => a.or(b),
@@ -215,6 +218,7 @@ impl Walk {
                 (min[axis], max[axis]) = (min[axis].min(stored[axis]), max[axis].max(stored[axis]));
             }
             self.returns[usize::from(record[14] & 15)] += 1;
+            self.beyond += u64::from(record[14] & 15 > record[14] >> 4);
             let time = f64::from_le_bytes(std::array::from_fn(|byte| record[22 + byte]));
             if time.is_finite() {
                 let (first, last) = self.time.get_or_insert((time, time));
@@ -271,16 +275,22 @@ impl Walk {
         }
         let fine = "box, points by return and GPS times are those of the points";
         checks.push(Check::of("totals", wrong, fine, "totals of the header are not those of the points"));
-        if self.returns[0] > 0 {
-            let text = format!(
-                "{} points have return number 0; copc-validator objects to that",
-                grouped(self.returns[0])
-            );
-            checks.push(Check { count: self.returns[0], ..Check::note("returns", text) });
-        }
+        checks.extend(returns(self.returns[0], self.beyond));
         debug_assert!(checks.iter().all(|check| check.outcome != Outcome::Skipped));
         checks
     }
+}
+
+/// Return numbers that cannot be, which are the inputs'; nothing where there are none.
+fn returns(zeros: u64, beyond: u64) -> Option<Check> {
+    let odd = [
+        (zeros, "have return number 0"),
+        (beyond, "have a return number larger than their number of returns"),
+    ];
+    let odd = odd.into_iter().filter(|(count, _)| *count > 0);
+    let told: Vec<String> = odd.map(|(count, what)| format!("{} points {what}", grouped(count))).collect();
+    let text = format!("{}; copc-validator objects to that", told.join(", "));
+    (!told.is_empty()).then(|| Check { count: zeros + beyond, ..Check::note("returns", text) })
 }
 
 /// A node's box as readers compute it.

@@ -40,6 +40,12 @@ pub fn notes(file: &CopcFile) -> Option<Check> {
         file.extended.iter().any(|place| place.is("qgis", 0)),
         "QGIS will write its statistics into the file",
     );
+    let cube = file.cube();
+    let is_within = |axis: usize| {
+        let (low, high) = (cube.center[axis] - cube.halfsize, cube.center[axis] + cube.halfsize);
+        front.points == 0 || low <= front.min[axis] && front.max[axis] <= high
+    };
+    note((0..3).all(is_within), "the header's box reaches beyond the cube; copc-validator objects to that");
     let tuples = file.record("LASF_Spec", 4).ok().flatten().unwrap_or_default();
     note(
         tuples.chunks_exact(192).all(|field| field[2] <= 10),

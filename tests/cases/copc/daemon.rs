@@ -65,3 +65,26 @@ fn a_data_set_may_ask_for_both_and_is_replaced_whole() {
     wait_for("the new octree", || (!folder.join("city.copc.laz").exists()).then_some(()));
     assert!(folder.join("octree.bin").exists());
 }
+
+#[test]
+fn list_and_overview_of_all_are_served() {
+    let root = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start_with(&root.path().join("data"), &["--format", "copc"]);
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        fs::write(daemon.inbox().join(format!("{name}.las")), las(8_000, seed)).unwrap();
+        daemon.wait(name, "done");
+    }
+    let listed = || {
+        let (status, text) = daemon.get("/octrees/lodestone.vpc");
+        let list: serde_json::Value = serde_json::from_str(&text).ok().filter(|_| status == 200)?;
+        let overviews = list["features"].as_array()?.iter();
+        let overviews: Vec<_> =
+            overviews.filter_map(|item| item["assets"]["overview"]["href"].as_str()).collect();
+        (overviews == ["./lodestone-overview.copc.laz"; 2]).then_some(())
+    };
+    wait_for("the overview of both", listed);
+    let (status, _, part) = daemon.ask("GET /octrees/lodestone-overview.copc.laz\nRange: bytes=375-588", "");
+    assert_eq!((status, &part[2..6]), (206, b"copc".as_slice()));
+    // It is no octree of its own.
+    assert_eq!(daemon.json("/api/jobs")["jobs"].as_array().unwrap().len(), 2);
+}

@@ -1,14 +1,15 @@
 //! Readers that are not ours read our COPC files: laspy with both of its backends and
-//! copclib (`read.py`), copc.js (`read.mjs`). Each reads every node, points lie inside of
-//! their boxes, and all of them find the same records: those of the input.
+//! copclib (`read.py`), copc.js (`read.mjs`), copc-streaming (`streaming/`). Each reads every
+//! node, points lie inside of their boxes, and all of them find the same records: those of
+//! the input.
 //!
 //! Runs if LODESTONE_REQUIRE_COPC=1 is set, as it needs Python, Node and packages from
-//! their registries; these go into the build folder. copc-validator is on no registry; what
-//! it asks for is asked by `read.mjs`, and by our own `verify`. copc-streaming is left out:
-//! it would bring an asynchronous reader and a second LAZ codec into everybody's build.
+//! their registries; these go into the build folder. copc-validator has to be built by hand
+//! (`validator.rs`); what it asks for is asked by `read.mjs`, and by our own `verify`, too.
 
 mod export;
 mod others;
+mod validator;
 mod virtual_cloud;
 
 use std::fs;
@@ -17,7 +18,8 @@ use std::process::Command;
 use std::sync::LazyLock;
 
 use lodestone::format::copc::CopcFile;
-use lodestone::format::las::{LasOptions, Vlr, record_length};
+use lodestone::format::finished::copc_in;
+use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::octree::attribute::{ExtraField, Scalar};
 
 use crate::common::{data, mix, options_of, scripts, write_las};
@@ -58,8 +60,7 @@ pub fn convert(inputs: &[PathBuf], folder: &Path, options: &[&str]) -> PathBuf {
     let mut command = lodestone();
     command.arg("convert").args(inputs).args(["--format", "copc", "--progress", "none"]).args(options);
     run(command.arg("-o").arg(folder));
-    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.retain(|path| path.to_string_lossy().ends_with(".copc.laz"));
+    let mut files = copc_in(folder);
     assert_eq!(files.len(), 1, "{files:?}");
     files.remove(0)
 }
@@ -75,36 +76,86 @@ pub fn verify(file: &Path, inputs: &[PathBuf]) -> serde_json::Value {
     report
 }
 
-/// What every reader found must be what our own reader finds.
-fn readers_agree(file: &Path) {
+/// The program that reads with copc-streaming, built where the other readers are.
+static STREAMING: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("copc-streaming");
+    fs::create_dir_all(&folder).unwrap();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/copc_readers/streaming");
+    for name in ["Cargo.toml", "main.rs"] {
+        fs::copy(source.join(name), folder.join(name)).unwrap();
+    }
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let build = ["build", "--release", "--quiet", "--target-dir", "target"];
+    run(Command::new(cargo).args(build).current_dir(&folder));
+    folder.join("target/release/read-streaming")
+});
+
+/// Records as our own reader finds them, and how long they are.
+fn own_records(file: &Path) -> (Vec<u8>, usize, usize) {
     let copc = CopcFile::open(file, 1 << 30).unwrap();
-    let (mut records, length) = (Vec::new(), copc.front.record_length);
+    let mut records = Vec::new();
     let mut reader = copc.reader().unwrap();
     for entry in copc.nodes() {
         records.extend_from_slice(reader.read_las(entry).unwrap());
     }
-    let zeros = records.chunks_exact(length).filter(|record| record[14] & 15 == 0).count();
+    (records, copc.front.record_length, copc.nodes().iter().filter(|node| node.points > 0).count())
+}
+
+fn sorted(records: &[u8], length: usize) -> Vec<&[u8]> {
+    let mut records: Vec<&[u8]> = records.chunks_exact(length).collect();
+    records.sort_unstable();
+    records
+}
+
+fn lines(text: &str) -> Vec<serde_json::Value> {
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// What every reader finds in each file must be what our own reader finds.
+fn readers_agree(files: &[PathBuf]) {
     let folder = &*READERS;
-    let python =
-        run(Command::new(folder.join("venv/bin/python")).arg("read.py").arg(file).current_dir(folder));
-    let node = run(Command::new("node").arg("read.mjs").arg(file).arg(zeros.to_string()).current_dir(folder));
-    let [python, node]: [serde_json::Value; 2] =
-        [python, node].map(|text| serde_json::from_str(&text).unwrap());
-    let points = (records.len() / length) as u64;
-    for (name, found) in [
-        ("lazrs", &python["lazrs"]),
-        ("laszip", &python["laszip"]),
-        ("copclib", &python["copclib"]),
-        ("copc.js", &node),
-    ] {
-        assert_eq!(found["points"].as_u64(), Some(points), "{name}, {}", file.display());
-        assert_eq!(found["sha256"], node["sha256"], "{name}, {}", file.display());
+    let scratch = tempfile::tempdir().unwrap();
+    let zeros = |file: &PathBuf| {
+        let (records, length, _) = own_records(file);
+        records.chunks_exact(length).filter(|record| record[14] & 15 == 0).count().to_string()
+    };
+    let streamed = |number: usize| scratch.path().join(number.to_string());
+    let mut python = Command::new(folder.join("venv/bin/python"));
+    let mut node = Command::new("node");
+    let mut streaming = Command::new(&*STREAMING);
+    python.arg("read.py").args(files).current_dir(folder);
+    node.arg("read.mjs").current_dir(folder);
+    for (number, file) in files.iter().enumerate() {
+        node.arg(file).arg(zeros(file));
+        streaming.arg(file).arg(streamed(number));
     }
-    assert_eq!(node["nodes"].as_u64(), Some(copc.nodes().len() as u64));
-    assert_eq!(
-        python["copclib"]["nodes"].as_u64(),
-        Some(copc.nodes().iter().filter(|node| node.points > 0).count() as u64)
-    );
+    let [python, node, streaming] =
+        [&mut python, &mut node, &mut streaming].map(|command| lines(&run(command)));
+    for (number, file) in files.iter().enumerate() {
+        let (records, length, nodes) = own_records(file);
+        let (python, node) = (&python[number], &node[number]);
+        let points = (records.len() / length) as u64;
+        for (name, found) in [
+            ("lazrs", &python["lazrs"]),
+            ("laszip", &python["laszip"]),
+            ("copclib", &python["copclib"]),
+            ("copc.js", node),
+        ] {
+            assert_eq!(found["points"].as_u64(), Some(points), "{name}, {}", file.display());
+            assert_eq!(found["sha256"], node["sha256"], "{name}, {}", file.display());
+        }
+        let found = fs::read(streamed(number)).unwrap();
+        assert!(sorted(&found, length) == sorted(&records, length), "copc-streaming, {}", file.display());
+        for (name, found) in [
+            ("copc.js", &node["nodes"]),
+            ("copclib", &python["copclib"]["nodes"]),
+            ("copc-streaming", &streaming[number]),
+        ] {
+            let expected =
+                if name == "copc.js" { CopcFile::open(file, 1 << 30).unwrap().nodes().len() } else { nodes };
+            assert_eq!(found.as_u64(), Some(expected as u64), "{name}, {}", file.display());
+        }
+    }
 }
 
 /// Fields of extra bytes of every kind, and three that nothing describes.
@@ -162,14 +213,22 @@ fn every_reader_finds_the_points_of_every_format() {
     if !is_wanted() {
         return;
     }
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
     for format in 0..=10 {
-        let folder = tempfile::tempdir().unwrap();
-        let input = folder.path().join("in.las");
+        let input = folder.path().join(format!("{format}.las"));
         noisy(&input, format, 3_000, false);
-        let file = convert(std::slice::from_ref(&input), &folder.path().join("out"), &[]);
-        verify(&file, &[input]);
-        readers_agree(&file);
+        files.push(convert(std::slice::from_ref(&input), &folder.path().join(format.to_string()), &[]));
+        verify(&files[format as usize], &[input]);
+        let scene = folder.path().join(format!("terrain-{format}.laz"));
+        let format = format.to_string();
+        run(lodestone().args(["synth", "terrain", "--points", "20K", "--format", &format, "-o"]).arg(&scene));
+        let file =
+            convert(std::slice::from_ref(&scene), &folder.path().join(format!("terrain-{format}")), &[]);
+        verify(&file, &[scene]);
+        readers_agree(&[file]);
     }
+    readers_agree(&files);
 }
 
 #[test]
@@ -183,24 +242,49 @@ fn averaged_colors_are_read_by_all() {
         noisy(&input, 7, 5_000, false);
         let file = convert(std::slice::from_ref(&input), &folder.path().join("out"), &["--lod-color", mode]);
         verify(&file, &[input]);
-        readers_agree(&file);
+        readers_agree(&[file]);
     }
+}
+
+/// All LAS and LAZ files of the real clouds that hold points which can be converted.
+fn all_clouds(data: &Path) -> Vec<PathBuf> {
+    let inputs = lodestone::format::inputs::expand(&[data.to_path_buf()]).unwrap();
+    inputs.into_iter().filter(|path| LasFile::open(path).is_ok_and(|file| file.header().points > 0)).collect()
 }
 
 #[test]
 fn real_clouds_are_read_by_all() {
     let (Some(data), true) = (data(), is_wanted()) else { return };
-    for name in [
+    let few = [
         "single/lone-star.copc.laz",
         "single/pine_plot.laz",
         "formats/extrabytes.las",
         "formats/fwf.laz",
         "single/870000_6618000.subset.50mx100m.las",
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        let input = data.join(name);
-        let file = convert(std::slice::from_ref(&input), &folder.path().join("out"), &[]);
-        verify(&file, &[input]);
-        readers_agree(&file);
+    ];
+    let inputs = match std::env::var("LODESTONE_COPC_CLOUDS").is_ok_and(|which| which == "all") {
+        true => all_clouds(&data),
+        false => few.map(|name| data.join(name)).into(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
+    for (number, input) in inputs.iter().enumerate() {
+        let output = folder.path().join(number.to_string());
+        let mut command = lodestone();
+        command.arg("convert").arg(input).args(["--format", "copc", "--progress", "none", "-o"]).arg(&output);
+        if !command.output().unwrap().status.success() {
+            // What no octree is made of, no COPC file is made of.
+            let mut command = lodestone();
+            command.arg("convert").arg(input).args(["--progress", "none", "-o"]).arg(&output);
+            assert!(!command.output().unwrap().status.success(), "{}", input.display());
+            eprintln!("{} is not readable", input.display());
+            continue;
+        }
+        let file = copc_in(&output).remove(0);
+        verify(&file, std::slice::from_ref(input));
+        files.push(file);
     }
+    eprintln!("{} of {} clouds", files.len(), inputs.len());
+    assert!(files.len() >= few.len());
+    files.chunks(20).for_each(readers_agree);
 }

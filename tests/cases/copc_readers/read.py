@@ -1,5 +1,5 @@
-"""Reads a COPC file with laspy (both of its backends) and copclib, and prints what each
-found: the number of points, and the hash of all records, sorted.
+"""Reads COPC files with laspy (both of its backends) and copclib, and prints what each
+found, a line a file: the number of points, and the hash of all records, sorted.
 
 copclib goes through the hierarchy; every point must lie in its node's box.
 """
@@ -49,13 +49,13 @@ def by_copclib(path):
     return {**digest(b"".join(raw), length), "nodes": nodes}
 
 
-path = sys.argv[1]
-print(
-    json.dumps(
-        {
+for path in sys.argv[1:]:
+    try:
+        found = {
             "lazrs": by_laspy(path, laspy.LazBackend.Lazrs),
             "laszip": by_laspy(path, laspy.LazBackend.Laszip),
             "copclib": by_copclib(path),
         }
-    )
-)
+    except Exception as error:
+        raise RuntimeError(path) from error
+    print(json.dumps(found))

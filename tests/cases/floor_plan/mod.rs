@@ -16,10 +16,12 @@ const MEET: &[(&str, &str)] = &[];
 
 /// Who may not know what although the order would allow it: what waits for events or
 /// answers requests does not work on clouds and does not talk to the others (an intent
-/// goes through the queue); formats hold no policy.
+/// goes through the queue); formats hold no policy; what checks a conversion shares nothing
+/// with it.
 const STRANGERS: &[(&str, &str)] = &[
     ("format", "octree::sampling"),
     ("format", "octree::local_octree"),
+    ("verify", "convert"),
     ("serve::watch", "octree"),
     ("serve::watch", "render"),
     ("serve::watch", "serve::scheduler"),
