@@ -5,12 +5,14 @@
 //! built Potree 1.8, as one unpacks a release of it, in the folder that
 //! LODESTONE_POTREE names: no registry has it.
 
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
 
+use lodestone::convert::formats::Formats;
 use lodestone::convert::options::Options;
 use lodestone::format::crs;
 use lodestone::format::las::{LasFile, LasOptions, Vlr};
@@ -143,12 +145,75 @@ fn octree(octrees: &Path, name: &str, input: &Path) {
     convert(&[input.to_path_buf()], &octrees.join(name), &Options::default()).unwrap();
 }
 
+/// The same as a COPC file, alone in its folder.
+fn copc(octrees: &Path, name: &str, input: &Path) {
+    let options = Options { format: Formats::COPC, name: Some(name.into()), ..Options::default() };
+    convert(&[input.to_path_buf()], &octrees.join(name), &options).unwrap();
+}
+
+/// The viewer's word on all clouds of a folder. Its pictures stay in the build folder.
+fn drawn(potree: &OsStr, octrees: &Path) -> serde_json::Map<String, serde_json::Value> {
+    let pictures = Path::new(env!("CARGO_TARGET_TMPDIR")).join("potree-pictures");
+    fs::create_dir_all(&pictures).unwrap();
+    let output = Command::new("node")
+        .arg("draw.mjs")
+        .args([Path::new(potree), octrees, Path::new("/usr/bin/chromium"), &pictures])
+        .current_dir(&*SCRIPTS)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let seen = seen.as_object().unwrap().clone();
+    for (name, seen) in &seen {
+        assert_eq!(seen["errors"], serde_json::json!([]), "{name}: {seen}");
+        assert_eq!(seen["loaded"], true, "{name}: {seen}");
+        assert!(
+            seen["points"].as_u64().unwrap() > 100 && seen["drawn"].as_u64().unwrap() > 30,
+            "{name}: {seen}"
+        );
+    }
+    seen
+}
+
+/// The built Potree, if there is one.
+fn potree() -> Option<OsString> {
+    let potree = std::env::var_os("LODESTONE_POTREE").filter(|_| is_wanted());
+    if potree.is_none() {
+        eprintln!("skipped: LODESTONE_POTREE names no folder with a built Potree 1.8");
+    }
+    potree
+}
+
+#[test]
+fn the_potree_viewer_draws_copc_files() {
+    let Some(potree) = potree() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let octrees = folder.path().join("octrees");
+    fs::create_dir(&octrees).unwrap();
+    let input = folder.path().join("a.las");
+    for format in 0..=10 {
+        let options = LasOptions { offset: [500_000.0, 5_400_000.0, 300.0], ..options_of(format, false) };
+        tile(&input, &options, &surface(format, 120_000, 1), &[]);
+        copc(&octrees, &format!("copc-{format}"), &input);
+    }
+    for (name, file) in [
+        ("copc-autzen", "single/autzen_trim.laz"),
+        ("copc-town", "tiles/ign50m/test_data_77060_627755_LA93_IGN69.laz"),
+    ] {
+        if let Some(data) = data() {
+            copc(&octrees, name, &data.join(file));
+        }
+    }
+    let seen = drawn(&potree, &octrees);
+    assert!(seen.len() >= 11, "{seen:?}");
+    for (name, seen) in seen {
+        assert!(seen["nodes"].as_u64() > Some(1), "{name}: {seen}");
+    }
+}
+
 #[test]
 fn the_potree_viewer_draws_every_octree() {
-    let Some(potree) = std::env::var_os("LODESTONE_POTREE").filter(|_| is_wanted()) else {
-        eprintln!("skipped: LODESTONE_POTREE names no folder with a built Potree 1.8");
-        return;
-    };
+    let Some(potree) = potree() else { return };
     let folder = tempfile::tempdir().unwrap();
     let octrees = folder.path().join("octrees");
     fs::create_dir(&octrees).unwrap();
@@ -206,24 +271,8 @@ fn the_potree_viewer_draws_every_octree() {
             octree(&octrees, name, &path);
         }
     }
-    let output = Command::new("node")
-        .arg("draw.mjs")
-        .args([Path::new(&potree), &octrees, Path::new("/usr/bin/chromium")])
-        .current_dir(&*SCRIPTS)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let seen: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let seen = seen.as_object().unwrap();
+    let seen = drawn(&potree, &octrees);
     assert!(seen.len() >= 7, "{seen:?}");
-    for (name, seen) in seen {
-        assert_eq!(seen["errors"], serde_json::json!([]), "{name}: {seen}");
-        assert_eq!(seen["loaded"], true, "{name}: {seen}");
-        assert!(
-            seen["points"].as_u64().unwrap() > 100 && seen["drawn"].as_u64().unwrap() > 30,
-            "{name}: {seen}"
-        );
-    }
     for name in ["wkt", "compound", "own", "code"] {
         assert!(seen[name]["projection"].as_str().unwrap().starts_with("+proj="), "{}", seen[name]);
     }

@@ -1,21 +1,29 @@
-// Opens each octree in a page of the real Potree viewer, in Chromium without a
-// screen. Arguments: the folder of Potree 1.8 (build and libs in it), the folder of
-// octrees, the browser. Standard output: for each octree what went wrong on the page
-// and what the viewer has loaded and drawn.
+// Opens each octree, or the COPC file of a folder without one, in a page of the real
+// Potree viewer, in Chromium without a screen. Arguments: the folder of Potree 1.8 (build
+// and libs in it), the folder of octrees, the browser, and a folder for a picture of each.
+// Standard output: for each what went wrong on the page and what the viewer has loaded
+// and drawn.
 import { createServer } from 'node:http';
 import { open, readdir } from 'node:fs/promises';
 import { extname, join, normalize } from 'node:path';
 import { chromium } from 'playwright-core';
 
-const [potree, octrees, executablePath] = process.argv.slice(2);
+const [potree, octrees, executablePath, pictures] = process.argv.slice(2);
 
-const page = (name) => `<!DOCTYPE html><html><head><meta charset="utf-8">
+// What is opened of a folder.
+async function cloudIn(name) {
+  const files = await readdir(join(octrees, name));
+  return files.includes('metadata.json') ? 'metadata.json' : files.find((file) => file.endsWith('.copc.laz'));
+}
+
+const page = (name, file) => `<!DOCTYPE html><html><head><meta charset="utf-8">
 <link rel="stylesheet" href="/potree/build/potree/potree.css">
 <link rel="stylesheet" href="/potree/libs/jquery-ui/jquery-ui.min.css">
 <link rel="stylesheet" href="/potree/libs/openlayers3/ol.css"></head><body>
 ${[
   'jquery/jquery-3.1.1.min.js', 'spectrum/spectrum.js', 'jquery-ui/jquery-ui.min.js', 'other/BinaryHeap.js',
   'tween/tween.min.js', 'd3/d3.js', 'proj4/proj4.js', 'openlayers3/ol.js', 'i18next/i18next.js', 'jstree/jstree.js',
+  'copc/index.js',
 ].map((script) => `<script src="/potree/libs/${script}"></script>`).join('\n')}
 <script src="/potree/build/potree/potree.js"></script>
 <div class="potree_container" style="position:absolute;width:100%;height:100%;left:0;top:0">
@@ -24,7 +32,7 @@ ${[
 window.viewer = new Potree.Viewer(document.getElementById('potree_render_area'));
 viewer.setPointBudget(1_000_000);
 viewer.loadGUI(() => {
-  Potree.loadPointCloud('/octrees/${name}/metadata.json', 'cloud', ({ pointcloud }) => {
+  Potree.loadPointCloud('/octrees/${name}/${file}', 'cloud', ({ pointcloud }) => {
     viewer.scene.addPointCloud(pointcloud);
     viewer.fitToScreen();
     window.cloud = pointcloud;
@@ -38,7 +46,7 @@ const types = { '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/htm
 async function send(request, response) {
   const path = normalize(decodeURIComponent(new URL(request.url, 'http://x').pathname));
   if (path.startsWith('/page/')) {
-    return response.writeHead(200, { 'content-type': 'text/html' }).end(page(path.slice(6)));
+    return response.writeHead(200, { 'content-type': 'text/html' }).end(page(path.slice(6), await cloudIn(path.slice(6))));
   }
   const root = path.startsWith('/potree/') ? potree : octrees;
   const file = await open(join(root, path.split('/').slice(2).join('/')));
@@ -73,14 +81,14 @@ try {
     const tab = await browser.newPage({ viewport: { width: 400, height: 300 } });
     const errors = [];
     tab.on('pageerror', (error) => errors.push(String(error)));
-    await tab.goto(`http://127.0.0.1:${port}/page/${name}`);
+    await tab.goto(`http://127.0.0.1:${port}/page/${name}`, { timeout: 120_000 });
     let loaded = true;
     // Frames go on, and more than the root comes, or nothing more can.
     await tab.waitForFunction(() => {
       const cloud = window.cloud;
-      return cloud && cloud.visibleNodes.length > 0 && cloud.numVisiblePoints >= Math.min(cloud.root.geometryNode.octreeGeometry.root.numPoints, 1000)
+      return cloud && cloud.visibleNodes.length > 0 && cloud.numVisiblePoints >= Math.min(cloud.pcoGeometry.root.numPoints, 1000)
         && Potree.numNodesLoading === 0 && (window.still = (window.still ?? 0) + 1) > 20;
-    }, null, { timeout: 40_000, polling: 100 }).catch(() => { loaded = false; });
+    }, null, { timeout: 120_000, polling: 100 }).catch(() => { loaded = false; });
     seen[name] = await tab.evaluate((loaded) => ({
       loaded,
       nodes: window.cloud?.visibleNodes.length ?? 0,
@@ -97,6 +105,7 @@ try {
       })(),
     }), loaded).catch((error) => ({ loaded: false, error: String(error) }));
     seen[name].errors = errors.slice(0, 5);
+    await tab.screenshot({ path: join(pictures, `${name}.png`) });
     await tab.close();
   }
 } finally {
