@@ -12,6 +12,32 @@ pub fn is_invisible(c: char) -> bool {
         || matches!(c, '\u{200B}' | '\u{200E}' | '\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
 }
 
+/// What ASPRS calls a class of points (LAS 1.4 R15, table 17).
+pub fn class_name(code: i64) -> Option<&'static str> {
+    const NAMES: [&str; 19] = [
+        "never classified",
+        "unclassified",
+        "ground",
+        "low vegetation",
+        "medium vegetation",
+        "high vegetation",
+        "building",
+        "low noise",
+        "model key",
+        "water",
+        "rail",
+        "road",
+        "overlap",
+        "wire guard",
+        "wire conductor",
+        "tower",
+        "wire connector",
+        "bridge deck",
+        "high noise",
+    ];
+    NAMES.get(usize::try_from(code).ok()?).copied()
+}
+
 /// A text of others (a path, a name, an error that has one in it) for a log or a
 /// terminal: what could forge a line or reach the screen's controls is escaped.
 #[derive(Debug, Clone, Copy)]

@@ -69,8 +69,8 @@ pub enum Painter {
 /// What is darkest, and how much more is lightest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    low: f64,
-    range: f64,
+    pub low: f64,
+    pub range: f64,
 }
 
 impl Range {

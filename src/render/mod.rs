@@ -35,5 +35,6 @@ mod plane;
 pub mod renderer;
 pub mod sample;
 pub mod scene;
+pub mod viewer;
 
 pub use error::{RenderError, Result};

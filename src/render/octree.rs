@@ -76,6 +76,11 @@ fn unit(metadata: &Metadata) -> [f64; 3] {
     }
 }
 
+/// The COPC file that stands for an octree in a folder that has none.
+pub fn copc_in(folder: &Path) -> Option<PathBuf> {
+    copc::file_in(folder)
+}
+
 impl Octree {
     /// Opens the octree in a folder, ours or PotreeConverter's; or a COPC file, by its
     /// own name or that of a folder with no octree in it.
@@ -203,6 +208,54 @@ impl Octree {
         }
     }
 
+    /// A part of a node's records, by their places in an order of which every beginning is
+    /// an even subsample where [`Octree::has_prefixes`]. Places that are not there are left
+    /// out.
+    ///
+    /// # Errors
+    /// Where they cannot be read, or what is said of them is not believable.
+    pub fn range(&self, node: &Node, places: Range<u32>) -> Result<Vec<u8>> {
+        let size = self.schema.record_size();
+        let places = places.start.min(node.points)..places.end.min(node.points);
+        if places.is_empty() {
+            return Ok(Vec::new());
+        }
+        let bytes = places.start as usize * size..places.end as usize * size;
+        if let Source::Copc(copc) = &self.source {
+            // In the order of the flight line.
+            let all = copc.records(node, node.points)?;
+            let order = even_order(node.points).skip(places.start as usize).take(places.len());
+            let records =
+                order.filter_map(|place| all.get(place as usize * size..(place as usize + 1) * size));
+            return Ok(records.flatten().copied().collect());
+        }
+        let mut records = self.records(node, places.end)?;
+        records.truncate(bytes.end);
+        records.drain(..bytes.start.min(records.len()));
+        Ok(records)
+    }
+
+    /// Forgets the nodes that were looked at, and their chunks, which are read again.
+    pub fn forget_nodes(&mut self) {
+        if let Source::Potree(files) = &self.source {
+            self.nodes = HashMap::new();
+            let first = Proxy::first(self.metadata.hierarchy.first_chunk_size);
+            self.proxies = HashMap::from([(NodeName::ROOT, first)]);
+            self.unclaimed = files.hierarchy_bytes;
+        }
+    }
+
+    /// Nodes that are held.
+    pub fn nodes_held(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// A node that is held by now.
+    pub fn held(&self, name: NodeName) -> Option<Node> {
+        let is_open = !self.proxies.contains_key(&name);
+        self.nodes.get(&name).copied().filter(|_| is_open)
+    }
+
     /// The position of a record in the picture's world: the octree's, or of one in
     /// degrees, meters.
     pub fn position(&self, record: &[u8]) -> [f64; 3] {
@@ -257,5 +310,35 @@ impl Octree {
     pub fn spacing(&self, level: u8) -> f64 {
         let unit = self.unit.iter().copied().fold(0.0, f64::max);
         self.metadata.spacing * unit / 2f64.powi(i32::from(level))
+    }
+}
+
+/// All places below a number, in an order of which every beginning is spread evenly: by
+/// their bits from the last to the first.
+fn even_order(places: u32) -> impl Iterator<Item = u32> {
+    let bits = u32::BITS - places.saturating_sub(1).leading_zeros();
+    let reversed = move |n: u64| ((n as u32).reverse_bits()).checked_shr(u32::BITS - bits).unwrap_or(0);
+    (0..1u64 << bits).map(reversed).filter(move |place| *place < places)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_beginning_of_the_order_is_even() {
+        for places in [1u32, 2, 3, 7, 64, 1000] {
+            let order: Vec<u32> = even_order(places).collect();
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert_eq!(sorted, (0..places).collect::<Vec<_>>(), "each once");
+            for taken in [places / 4, places / 2].into_iter().filter(|taken| *taken > 2) {
+                let mut first = order[..taken as usize].to_vec();
+                first.sort_unstable();
+                let widest = first.windows(2).map(|pair| pair[1] - pair[0]).max().expect("two");
+                assert!(widest <= 4 * places.div_ceil(taken), "{places} {taken}: {widest}");
+            }
+        }
+        assert_eq!(even_order(0).count(), 0);
     }
 }

@@ -16,6 +16,8 @@ pub mod watch;
 
 pub mod scheduler;
 
+pub mod viewer;
+
 pub mod web;
 
 mod error;
@@ -121,6 +123,7 @@ fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
         streams: web::Streams::default(),
         live: web::Live::default(),
         uploads: web::upload_places(),
+        viewer: viewer::Viewer::default(),
         figures: web::Figures::default(),
     }
 }

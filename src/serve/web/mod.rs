@@ -23,6 +23,7 @@ mod session;
 mod shared;
 mod steering;
 mod streams;
+mod views;
 mod watched;
 
 use std::sync::Arc;
@@ -100,6 +101,10 @@ fn routes(shared: Shared) -> Router {
         .route("/api/jobs/{id}/links/{link}", delete(steering::revoke))
         .route("/api/queue", get(steering::queue).post(steering::set_queue))
         .route("/api/watch", get(api::watch))
+        .route("/api/octrees/{name}/view", get(views::description))
+        .route("/api/octrees/{name}/pages/{node}", get(views::page))
+        .route("/api/octrees/{name}/nodes/{node}", get(views::points))
+        .route("/api/octrees/{name}/nodes/{node}/points/{place}", get(views::point))
         .route("/api/openapi.json", get(steering::openapi))
         .merge(pages::router(&shared))
         .layer(limit)
@@ -109,6 +114,7 @@ fn routes(shared: Shared) -> Router {
         .layer(guard.clone());
     // What anybody may have, and what the form needs before anybody is known.
     let open = pages::open_router()
+        .merge(views::shared_router())
         .route("/login", get(login::form).post(login::log_in))
         .route("/logout", post(login::log_out))
         .layer(limit)

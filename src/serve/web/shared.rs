@@ -16,6 +16,7 @@ use crate::serve::config::Config;
 use crate::serve::metrics::Metrics;
 use crate::serve::queue::Store;
 use crate::serve::queue::progress::Board;
+use crate::serve::viewer::Viewer;
 use crate::serve::watch::events::Mode;
 use crate::serve::watch::waiting::Waiting;
 
@@ -61,6 +62,8 @@ pub struct Shared {
     pub uploads: Arc<Semaphore>,
     /// Of all jobs, for pages.
     pub figures: Figures,
+    /// Octrees that are looked at.
+    pub viewer: Viewer,
 }
 
 impl Shared {

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::super::api::JobView;
 use super::{charts, parts, words};
+use crate::words::class_name;
 
 /// Of a metadata.json that is read for a page, in bytes.
 const LONGEST: u64 = 8 << 20;
@@ -90,32 +91,6 @@ fn counts(attribute: &Value) -> Option<(i64, Vec<u64>)> {
     Some((lowest + first as i64, all[first..=last].to_vec()))
 }
 
-/// The names of ASPRS, for the classes that most clouds have.
-fn class(code: i64) -> Option<&'static str> {
-    const NAMES: [&str; 19] = [
-        "never classified",
-        "unclassified",
-        "ground",
-        "low vegetation",
-        "medium vegetation",
-        "high vegetation",
-        "building",
-        "low noise",
-        "model key",
-        "water",
-        "rail",
-        "road",
-        "overlap",
-        "wire guard",
-        "wire conductor",
-        "tower",
-        "wire connector",
-        "bridge deck",
-        "high noise",
-    ];
-    NAMES.get(usize::try_from(code).ok()?).copied()
-}
-
 pub(super) fn table(on_disk: &OnDisk) -> Markup {
     let attributes = on_disk.metadata["attributes"].as_array().map(Vec::as_slice).unwrap_or_default();
     if attributes.is_empty() {
@@ -157,7 +132,7 @@ fn row(attribute: &Value, scale: &[f64]) -> Markup {
                     @if name == "classification" {
                         div.dim {
                             @for (code, count) in (first..).zip(&counts).filter(|(_, count)| **count > 0).take(8) {
-                                div { (code) " " (class(code).unwrap_or("")) ": " (words::points(*count)) }
+                                div { (code) " " (class_name(code).unwrap_or("")) ": " (words::points(*count)) }
                             }
                         }
                     }

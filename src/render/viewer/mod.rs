@@ -1,0 +1,15 @@
+//! What the viewer in the browser is sent of an octree: its description, its hierarchy in
+//! pages, and the points of its nodes.
+//!
+//! Only bytes and values are made here, from an octree that is open; who may ask for
+//! them and how long they are kept is `serve`'s. The browser's side is in
+//! `serve/web/pages/assets/viewer/`: `hierarchy.js` reads the pages, `nodes.js` the points,
+//! `selection.js` and `scene.js` do what `node_selection` and `scene` do for pictures.
+
+pub mod attributes;
+pub mod description;
+pub mod pages;
+pub mod points;
+
+pub use attributes::Paint;
+pub use description::Description;
