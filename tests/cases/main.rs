@@ -31,6 +31,7 @@ mod pictures;
 mod report;
 mod served;
 mod sources;
+mod view;
 mod viewer;
 
 use std::path::PathBuf;

@@ -21,7 +21,7 @@ use crate::daemon_support::held::{self, Held};
 use crate::daemon_support::{Daemon, ask, las, wait_for};
 
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-const SCRIPTS: [&str; 9] = [
+const SCRIPTS: [&str; 10] = [
     "package.json",
     "browser.mjs",
     "steer.mjs",
@@ -31,6 +31,7 @@ const SCRIPTS: [&str; 9] = [
     "drop.mjs",
     "prefix.mjs",
     "notify.mjs",
+    "viewer.mjs",
 ];
 
 /// A folder with the scripts and their packages, and the browser, where there are
@@ -55,7 +56,7 @@ fn program() -> Option<PathBuf> {
 }
 
 /// Runs a script in the browser; false where there is none.
-fn drive(script: &str, arguments: &[&str]) -> bool {
+pub(crate) fn drive(script: &str, arguments: &[&str]) -> bool {
     let Some((program, folder)) = &*BROWSER else { return false };
     let run = Command::new("node")
         .arg(script)

@@ -4,10 +4,12 @@ import { chromium } from 'playwright-core';
 
 const AXE = createRequire(import.meta.url).resolve('axe-core/axe.min.js');
 const FLAGS = ['--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
-  '--disable-component-update', '--disable-sync', '--disable-dev-shm-usage', '--disable-gpu'];
+  '--disable-component-update', '--disable-sync', '--disable-dev-shm-usage'];
+// WebGPU in software, which Chromium has itself.
+export const WEBGPU = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader'];
 
-export async function open(program, options = {}) {
-  const browser = await chromium.launch({ executablePath: program, args: FLAGS });
+export async function open(program, options = {}, flags = ['--disable-gpu']) {
+  const browser = await chromium.launch({ executablePath: program, args: [...FLAGS, ...flags] });
   const complaints = [];
   async function context(more = {}) {
     const one = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...options, ...more });

@@ -5,19 +5,47 @@
 use std::sync::LazyLock;
 
 use axum::extract::Path;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
+const SHADER: &str = "text/plain; charset=utf-8";
 
-/// Name, media type, content.
-const FILES: [(&str, &str, &str); 5] = [
+/// What a script may do that is a thread of its own: the viewer's fetches what it shows.
+const OF_WORKERS: &str = "default-src 'none'; script-src 'self'; connect-src 'self'";
+
+/// Name, media type, content. Modules and shaders name each other without a path.
+const FILES: [(&str, &str, &str); 29] = [
     ("style.css", CSS, include_str!("assets/style.css")),
     ("page.js", SCRIPT, include_str!("assets/page.js")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),
     ("upload.js", SCRIPT, include_str!("assets/upload.js")),
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
+    ("viewer.css", CSS, include_str!("assets/viewer/viewer.css")),
+    ("viewer.js", SCRIPT, include_str!("assets/viewer/viewer.js")),
+    ("camera.js", SCRIPT, include_str!("assets/viewer/camera.js")),
+    ("controls.js", SCRIPT, include_str!("assets/viewer/controls.js")),
+    ("fallback.js", SCRIPT, include_str!("assets/viewer/fallback.js")),
+    ("frame.js", SCRIPT, include_str!("assets/viewer/frame.js")),
+    ("gpu.js", SCRIPT, include_str!("assets/viewer/gpu.js")),
+    ("hierarchy.js", SCRIPT, include_str!("assets/viewer/hierarchy.js")),
+    ("loader.js", SCRIPT, include_str!("assets/viewer/loader.js")),
+    ("marks.js", SCRIPT, include_str!("assets/viewer/marks.js")),
+    ("nodes.js", SCRIPT, include_str!("assets/viewer/nodes.js")),
+    ("panel.js", SCRIPT, include_str!("assets/viewer/panel.js")),
+    ("scene.js", SCRIPT, include_str!("assets/viewer/scene.js")),
+    ("selection.js", SCRIPT, include_str!("assets/viewer/selection.js")),
+    ("worker.js", SCRIPT, include_str!("assets/viewer/worker.js")),
+    ("frame.wgsl", SHADER, include_str!("../../../../shaders/frame.wgsl")),
+    ("clear.wgsl", SHADER, include_str!("../../../../shaders/clear.wgsl")),
+    ("project.wgsl", SHADER, include_str!("../../../../shaders/project.wgsl")),
+    ("depth.wgsl", SHADER, include_str!("../../../../shaders/depth.wgsl")),
+    ("shade.wgsl", SHADER, include_str!("../../../../shaders/shade.wgsl")),
+    ("resolve.wgsl", SHADER, include_str!("../../../../shaders/resolve.wgsl")),
+    ("fill.wgsl", SHADER, include_str!("../../../../shaders/fill.wgsl")),
+    ("light.wgsl", SHADER, include_str!("../../../../shaders/light.wgsl")),
+    ("present.wgsl", SHADER, include_str!("../../../../shaders/present.wgsl")),
 ];
 
 /// One stamp for all: modules name each other without one.
@@ -45,7 +73,11 @@ pub(super) async fn serve(Path((stamp, name)): Path<(String, String)>, headers: 
     if has.is_some_and(|list| list.split(',').any(|one| one.trim().trim_start_matches("W/") == tag)) {
         return (StatusCode::NOT_MODIFIED, known).into_response();
     }
-    (known, [(header::CONTENT_TYPE, *kind)], *content).into_response()
+    let mut answer = (known, [(header::CONTENT_TYPE, *kind)], *content).into_response();
+    if *kind == SCRIPT {
+        answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(OF_WORKERS));
+    }
+    answer
 }
 
 /// For browsers that ask before they have read the page.

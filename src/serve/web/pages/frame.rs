@@ -62,6 +62,22 @@ pub(in super::super) fn bare(base: &str, title: &str, status: StatusCode, main: 
     answer(status, html! { (DOCTYPE) html lang="en" { (body) } })
 }
 
+/// A page that is all picture: the viewer, with a stylesheet and a script of its own.
+pub(super) fn full(base: &str, title: &str, body: Markup) -> Response {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                (common_head(base, title))
+                link rel="stylesheet" href=(assets::url(base, "viewer.css"));
+                script type="module" src=(assets::url(base, "viewer.js")) {}
+            }
+            (body)
+        }
+    };
+    answer(StatusCode::OK, page)
+}
+
 /// A page that leads to `path` at once.
 pub(super) fn leading(path: &str, main: Markup) -> Response {
     let page = html! {
@@ -82,15 +98,21 @@ pub(super) fn leading(path: &str, main: Markup) -> Response {
 fn head(base: &str, title: &str) -> Markup {
     html! {
         head {
-            meta charset="utf-8";
-            meta name="viewport" content="width=device-width, initial-scale=1";
-            meta name="color-scheme" content="light dark";
-            meta name="referrer" content="same-origin";
-            title { (title) }
-            link rel="icon" type="image/svg+xml" href=(assets::url(base, "icon.svg"));
-            link rel="stylesheet" href=(assets::url(base, "style.css"));
+            (common_head(base, title))
             script type="module" src=(assets::url(base, "page.js")) {}
         }
+    }
+}
+
+fn common_head(base: &str, title: &str) -> Markup {
+    html! {
+        meta charset="utf-8";
+        meta name="viewport" content="width=device-width, initial-scale=1";
+        meta name="color-scheme" content="light dark";
+        meta name="referrer" content="same-origin";
+        title { (title) }
+        link rel="icon" type="image/svg+xml" href=(assets::url(base, "icon.svg"));
+        link rel="stylesheet" href=(assets::url(base, "style.css"));
     }
 }
 

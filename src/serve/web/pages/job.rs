@@ -10,7 +10,7 @@ use super::super::octrees;
 use super::super::refusal::Refusal;
 use super::super::session::Role;
 use super::super::shared::Shared;
-use super::{attributes, frame, parts, result, share, verified, words};
+use super::{attributes, frame, parts, result, share, verified, view as viewer, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::state_machine::next;
 use crate::serve::job::time::iso8601;
@@ -55,6 +55,7 @@ pub(super) async fn page(
         }
         (frame::said(asked.said.as_deref(), None))
         (state(base, &view, now))
+        @if view.stands() { p { a #look.button.primary href=(viewer::url(base, &name)) { "Look around in 3D" } } }
         (pictures(&view))
         (orders(base, &view))
         @if let Some(verification) = &verification { (verified::section(verification, now)) }

@@ -9,7 +9,7 @@ use super::super::api::{self, JobView};
 use super::super::refusal::Refusal;
 use super::super::session::Role;
 use super::super::shared::Shared;
-use super::{crs, frame, overview, parts, words};
+use super::{crs, frame, overview, parts, view as viewer, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::State;
 use crate::serve::queue::{Listing, Page, Place, Reason, Shown, Sort};
@@ -313,6 +313,7 @@ fn row(base: &str, view: &JobView, now: Millis) -> Markup {
             td.name {
                 a href=(to) title=(job.name) { bdi { (job.name) } }
                 div.dim { (about(view)) }
+                @if view.stands() { a.look href=(viewer::url(base, &job.name)) aria-label={ "Look around in " (job.name) } { "Look around in 3D" } }
             }
             td.state {
                 (parts::badge(view))

@@ -23,6 +23,7 @@ pub(super) mod share;
 pub(super) mod subscribers;
 pub(super) mod upload;
 mod verified;
+mod view;
 mod words;
 
 use axum::Router;
@@ -41,6 +42,7 @@ pub(super) fn router(shared: &Shared) -> Router<Shared> {
     Router::new()
         .route("/", get(list::page))
         .route("/jobs/{id}", get(job::page))
+        .route("/view/{name}", get(view::page))
         .route("/jobs/{id}/order", post(orders::one))
         .route("/jobs/order", post(orders::many))
         .route("/queue/order", post(orders::all))
@@ -58,6 +60,7 @@ pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
 pub(super) fn open_router() -> Router<Shared> {
     Router::new()
         .route("/share/{token}", get(share::page))
+        .route("/share/{token}/view", get(view::shared_page))
         .route("/share/{token}/octree/{*path}", get(share::file).layer(octrees::cors()))
         .route("/page/{stamp}/{name}", get(assets::serve))
         .route("/favicon.ico", get(assets::icon))

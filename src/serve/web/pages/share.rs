@@ -18,7 +18,7 @@ use crate::serve::queue::Share;
 /// What an octree is made of, beside its pictures.
 const FILES: [&str; 3] = ["metadata.json", "hierarchy.bin", "octree.bin"];
 
-fn nothing(shared: &Shared) -> Response {
+pub(super) fn nothing(shared: &Shared) -> Response {
     frame::bare(
         frame::base(shared),
         "Lodestone",
@@ -53,6 +53,7 @@ pub(super) async fn page(
             @if let Some(url) = picture.and_then(|asset| here(&asset.url)) {
                 img src=(url) alt={ (name) " from all sides" } width="512" height="512";
             }
+            p { a.button.primary href={ (base) "/share/" (token) "/view" } { "Look around in 3D" } }
             p {
                 (words::points(job.points)) " points, "
                 @let wkt = job.result.as_ref().map_or("", crs::of);
