@@ -76,11 +76,6 @@ fn unit(metadata: &Metadata) -> [f64; 3] {
     }
 }
 
-/// The COPC file that stands for an octree in a folder that has none.
-pub fn copc_in(folder: &Path) -> Option<PathBuf> {
-    copc::file_in(folder)
-}
-
 impl Octree {
     /// Opens the octree in a folder, ours or PotreeConverter's; or a COPC file, by its
     /// own name or that of a folder with no octree in it.

@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use tokio::sync::Semaphore;
 
+use crate::format::finished::{self, Finished};
 use crate::format::potree::{METADATA, Node};
 use crate::render::RenderError;
 use crate::render::octree::Octree;
@@ -121,12 +122,12 @@ impl Viewer {
 /// What tells the octree in a folder from any other that stood there: which file its
 /// metadata is, how long and of when. Of a COPC file without an octree, the file itself.
 fn revision(folder: &Path) -> Option<String> {
-    let metadata = fs::metadata(folder.join(METADATA));
-    let metadata = metadata.or_else(|error| match crate::render::octree::copc_in(folder) {
-        Some(file) => fs::metadata(file),
-        None => Err(error),
-    });
-    let metadata = metadata.ok().filter(fs::Metadata::is_file)?;
+    let file = match finished::find(folder) {
+        Finished::Octree(folder) => folder.join(METADATA),
+        Finished::Copc(file) => file,
+        Finished::Neither => return None,
+    };
+    let metadata = fs::metadata(file).ok().filter(fs::Metadata::is_file)?;
     let time = i128::from(metadata.mtime()) * 1_000_000_000 + i128::from(metadata.mtime_nsec());
     Some(format!("{:x}-{:x}-{time:x}", metadata.ino(), metadata.len()))
 }
