@@ -16,8 +16,11 @@ const drag = (type, files) => cdp.send('Input.dispatchDragEvent', {
 
 // Over the page, wherever: the zone says that it would take them.
 await drag('dragEnter', rest);
-await drag('dragOver', rest);
-await until('a word on it', () => page.locator('#drop.over').count());
+// As of a hand that holds them there, it comes again and again.
+await until('a word on it', async () => {
+  await drag('dragOver', rest);
+  return page.locator('#drop.over').count();
+});
 await drag('drop', rest);
 await until('bars', () => page.locator('.uploads li').count());
 if (shots) await page.screenshot({ path: `${shots}/upload.png` });
