@@ -30,8 +30,9 @@ pub fn run(arguments: Arguments) -> Exit {
     let path = arguments.path;
     let text = match finished::find(&path) {
         Finished::Octree(folder) => of_octree(&folder, arguments.json).map_err(|error| failed(&error)),
-        Finished::Copc(file) => copc::describe(&file, default_memory_limit(), arguments.json)
-            .map_err(|error| failed(&error)),
+        Finished::Copc(file) => {
+            copc::describe(&file, default_memory_limit(), arguments.json).map_err(|error| failed(&error))
+        }
         Finished::Neither if path.is_dir() => {
             of_octree(&path, arguments.json).map_err(|error| failed(&error))
         }

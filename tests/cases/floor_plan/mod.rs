@@ -157,7 +157,7 @@ fn offences(groups: &[Vec<String>], file: &str, source: &str) -> Vec<String> {
         }
         let inner = path[1..].join("::");
         let is_step = |step: &&str| inner == **step || inner.starts_with(&format!("{step}::"));
-        if let Some(step) = STEPS.iter().copied().find(|step| is_step(&step))
+        if let Some(step) = STEPS.iter().copied().find(|step| is_step(step))
             && file != CONDUCTOR
             && module.join("::") != step
         {

@@ -80,7 +80,8 @@ fn copc_is_sent_from_coarse_to_fine() {
     let mut stored: Vec<Vec<u8>> =
         octree.records(&node, *points).unwrap().chunks_exact(size).map(<[u8]>::to_vec).collect();
     assert_ne!(all, stored);
-    (all.sort(), stored.sort());
+    all.sort();
+    stored.sort();
     assert_eq!(all, stored);
 }
 
