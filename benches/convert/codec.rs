@@ -12,7 +12,7 @@ use laz::record::{
 };
 use laz::{LazItem, LazVlrBuilder};
 use lodestone::format::las::LasFile;
-use lodestone::format::laz::{Decoder, Encoder, Shape};
+use lodestone::format::laz::{Decoder, Encoder, RecordShape};
 use lodestone::lab::process::{self as measure, Spread, spread};
 
 use super::{BINARY, Outcome};
@@ -27,7 +27,7 @@ struct Chunks {
     items: Vec<LazItem>,
     layered: bool,
     length: usize,
-    shape: Shape,
+    shape: RecordShape,
     /// Records, and what `laz` makes of them.
     chunks: Vec<(Vec<u8>, Vec<u8>)>,
 }
@@ -41,7 +41,7 @@ impl Chunks {
         let file = LasFile::open(&path)?;
         let length = file.header().record_length;
         let vlr = LazVlrBuilder::default().with_point_format(point_format, 0)?.build();
-        let shape = Shape::new(point_format, 0, version).ok_or("there is no codec of our own")?;
+        let shape = RecordShape::new(point_format, 0, version).ok_or("there is no codec of our own")?;
         let (items, layered) = (vlr.items().clone(), point_format >= 6);
         let mut made = Chunks { items, layered, length, shape, chunks: Vec::new() };
         let mut records = Vec::new();

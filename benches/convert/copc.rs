@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use lodestone::lab::process::{self as measure, Run};
+use lodestone::lab::process::{self as measure, ProcessRun};
 
 use super::{BINARY, Outcome, Wishes, conversion};
 
@@ -16,7 +16,7 @@ struct Row {
     program: PathBuf,
     arguments: Vec<String>,
     file: PathBuf,
-    runs: Vec<Run>,
+    runs: Vec<ProcessRun>,
     bytes: u64,
 }
 
@@ -69,7 +69,7 @@ pub fn compare(wishes: &Wishes, title: &str, inputs: [&Path; 2], folder: &Path) 
     println!("\n{title}, as COPC; median of {}\n", wishes.rounds);
     println!("| | CPU s | wall s | peak MB | MB |\n|---|---:|---:|---:|---:|");
     for row in &rows {
-        let median = |value: fn(&Run) -> f64| {
+        let median = |value: fn(&ProcessRun) -> f64| {
             let mut values: Vec<f64> = row.runs.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
             values[values.len() / 2]

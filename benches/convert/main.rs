@@ -40,7 +40,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use lodestone::lab::process::{self as measure, Run};
+use lodestone::lab::process::{self as measure, ProcessRun};
 use tables::Cost;
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
@@ -64,7 +64,7 @@ struct Method {
     arguments: Vec<String>,
     /// Of conversions: where the octree appears, and the methods that are its floors.
     octree: Option<(PathBuf, Vec<usize>)>,
-    runs: Vec<Run>,
+    runs: Vec<ProcessRun>,
     /// Of conversions: seconds by stage, a map a run.
     stages: Vec<BTreeMap<String, f64>>,
 }

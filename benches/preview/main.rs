@@ -13,7 +13,7 @@ use std::time::Instant;
 use lodestone::lab::flip;
 use lodestone::render::color::ColorBy;
 use lodestone::render::framing::View;
-use lodestone::render::octree_renderer::{Quality, Studio};
+use lodestone::render::octree_renderer::{OctreeRenderer, Quality};
 use lodestone::render::renderer::Choice;
 
 const SIZE: [u32; 2] = [512, 512];
@@ -44,7 +44,7 @@ fn main() {
         };
         let all = std::fs::metadata(octree.join("octree.bin")).expect("an octree").len();
         for (name, view) in VIEWS {
-            let mut studio = Studio::open(&octree, ColorBy::Auto, renderer).expect("a studio");
+            let mut studio = OctreeRenderer::open(&octree, ColorBy::Auto, renderer).expect("a studio");
             let (full, effort) = studio.still(SIZE, view, &Quality::full()).expect("a picture");
             println!(
                 "\n{scene}, {name}: {} points in the full picture, by {}",

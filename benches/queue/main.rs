@@ -11,9 +11,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lodestone::serve::job::Input;
-use lodestone::serve::job::retry_policy::{End, Policy};
-use lodestone::serve::queue::{Arrival, Ending, Kind, Store};
+use lodestone::serve::job::QueuedFile;
+use lodestone::serve::job::retry_policy::{AttemptEnd, Policy};
+use lodestone::serve::queue::{AttemptResult, DataSetKind, NewDataSet, Store};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut jobs = 2000;
@@ -52,7 +52,7 @@ async fn queue(folder: &Path, jobs: i64) -> Result<(), Box<dyn Error>> {
         let claimed = store.claim(job.id, "bench", jobs).await?;
         assert!(claimed.is_some(), "nobody else claims");
         assert!(store.stage(job.id, "bench", (1, None), "{}", jobs).await?, "the lease is ours");
-        let ending = Ending { end: End::Published, error: None };
+        let ending = AttemptResult { end: AttemptEnd::Published, error: None };
         store.finish(job.id, "bench", &ending, &Policy::default(), jobs).await?;
         times.push(start.elapsed().as_secs_f64());
     }
@@ -64,9 +64,9 @@ async fn queue(folder: &Path, jobs: i64) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn arrival(number: i64) -> Arrival {
+fn arrival(number: i64) -> NewDataSet {
     let path = PathBuf::from(format!("/in/cloud {number}.laz"));
-    let input = Input {
+    let input = QueuedFile {
         path: path.clone(),
         size: 1 << 20,
         mtime_ns: number,
@@ -74,9 +74,9 @@ fn arrival(number: i64) -> Arrival {
         inode: 0,
         ctime_ns: 0,
     };
-    Arrival {
+    NewDataSet {
         path,
-        kind: Kind::File,
+        kind: DataSetKind::File,
         name: format!("cloud {number}"),
         stamp: format!("{number:064x}"),
         content_key: format!("{number:064x}"),

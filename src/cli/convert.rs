@@ -7,12 +7,12 @@ use std::sync::Arc;
 use super::arguments;
 use super::exit::Exit;
 use super::output::{complain, failed, say};
-use super::progress::{self, Style};
+use super::progress::{self, ProgressFormat};
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::convert::folder_names::{staging_folder, within_a_name};
 use crate::convert::formats::Formats;
-use crate::convert::options::{Damaged, Encoding, LodColor, Mode, Options, Sampling};
-use crate::convert::run::{self, Outcome, Request};
+use crate::convert::options::{Damaged, Encoding, GuardMode, LodColor, Options, Sampling};
+use crate::convert::run::{self, ConversionOutcome, ConversionRequest};
 use crate::format::crs;
 use crate::platform::disk::Disk;
 use crate::words::{Plain, grouped};
@@ -41,17 +41,17 @@ pub struct Arguments {
     lod_color: LodColor,
     /// What becomes of a few points so far away that the octree would be built for them
     #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
-    outliers: Mode,
+    outliers: GuardMode,
     /// What becomes of points at one position beyond the first 10 000
     #[arg(long, ignore_case = true, default_value = "set-aside", value_name = "MODE")]
-    duplicates: Mode,
+    duplicates: GuardMode,
     /// What becomes of files that are cut, or of which a part cannot be decoded: nothing is
     /// converted, or what can be read of them is
     #[arg(long, ignore_case = true, default_value = "fail", value_name = "MODE")]
     damaged: Damaged,
     /// What becomes of records that equal another in every attribute
     #[arg(long, ignore_case = true, default_value = "keep", value_name = "MODE")]
-    twins: Mode,
+    twins: GuardMode,
     /// Attributes to keep, by name, separated by commas; `auto` for those that are not zero throughout; all if not given
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     attributes: Vec<String>,
@@ -75,7 +75,7 @@ pub struct Arguments {
     overwrite: bool,
     /// How to show progress (on stderr)
     #[arg(long, ignore_case = true, default_value = "auto", value_name = "STYLE")]
-    progress: Style,
+    progress: ProgressFormat,
 }
 
 pub fn run(arguments: Arguments) -> Exit {
@@ -94,7 +94,7 @@ pub fn run(arguments: Arguments) -> Exit {
         cancel: Cancel::default(),
         progress: Arc::new(Progress::default()),
     };
-    let request = Request {
+    let request = ConversionRequest {
         inputs: arguments.inputs,
         output,
         overwrite: arguments.overwrite,
@@ -121,7 +121,7 @@ pub fn run(arguments: Arguments) -> Exit {
     match result {
         Ok(outcome) => {
             progress::finished(style, &outcome);
-            if style != Style::Json {
+            if style != ProgressFormat::Json {
                 print_outcome(&request, &outcome);
             }
             if outcome.points_set_aside > 0 || outcome.points_missing > 0 {
@@ -133,7 +133,7 @@ pub fn run(arguments: Arguments) -> Exit {
         Err(error) => {
             progress::failed(style, &error);
             let exit = failed(&error);
-            if style != Style::Json {
+            if style != ProgressFormat::Json {
                 tell_what_remains(&request, &context, error.is_cancelled());
             }
             exit
@@ -142,7 +142,7 @@ pub fn run(arguments: Arguments) -> Exit {
 }
 
 /// Says what a conversion that did not end leaves, and how to go on.
-fn tell_what_remains(request: &Request, context: &Context, stopped: bool) {
+fn tell_what_remains(request: &ConversionRequest, context: &Context, stopped: bool) {
     let (output, staging) = (request.output.display(), staging_folder(&request.output));
     if context.scratch.exists() {
         complain(format_args!(
@@ -167,7 +167,7 @@ fn scratch_name(name: &str, output: &Path) -> String {
     format!(".{}-{}.scratch", within_a_name(name), &hash[..8])
 }
 
-fn print_outcome(request: &Request, outcome: &Outcome) {
+fn print_outcome(request: &ConversionRequest, outcome: &ConversionOutcome) {
     for note in outcome.repairs.iter().chain(&outcome.notes) {
         say!("note: {}", Plain(note));
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::arguments;
 use super::exit::Exit;
 use super::output::{failed, say};
-use crate::export::{Request, export};
+use crate::export::{ExportRequest, export};
 use crate::platform::limits;
 use crate::words::{Plain, grouped};
 
@@ -20,7 +20,7 @@ pub struct Arguments {
     /// Only points within this box of world coordinates: XMIN,YMIN,XMAX,YMAX or
     /// XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX
     #[arg(long, value_name = "BOX", value_parser = bounds, allow_hyphen_values = true)]
-    bounds: Option<Bounds>,
+    bounds: Option<BoundsArgument>,
     /// Only the points of the levels 0 (the root) to N: fewer, evenly spread
     #[arg(long, value_name = "N")]
     level: Option<u8>,
@@ -37,13 +37,13 @@ pub struct Arguments {
 
 /// The smallest and the largest corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Bounds([f64; 3], [f64; 3]);
+struct BoundsArgument([f64; 3], [f64; 3]);
 
-fn bounds(text: &str) -> Result<Bounds, String> {
+fn bounds(text: &str) -> Result<BoundsArgument, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     let bounds = match numbers.as_deref() {
-        Some(&[a, b, c, d]) => Bounds([a, b, f64::NEG_INFINITY], [c, d, f64::INFINITY]),
-        Some(&[a, b, c, d, e, f]) => Bounds([a, b, c], [d, e, f]),
+        Some(&[a, b, c, d]) => BoundsArgument([a, b, f64::NEG_INFINITY], [c, d, f64::INFINITY]),
+        Some(&[a, b, c, d, e, f]) => BoundsArgument([a, b, c], [d, e, f]),
         _ => {
             return Err(format!(
                 "{text:?} is no box; write XMIN,YMIN,XMAX,YMAX, with ZMIN and ZMAX if you like"
@@ -61,10 +61,10 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(pool) => pool,
         Err(error) => return failed(&error),
     };
-    let request = Request {
+    let request = ExportRequest {
         source: arguments.source,
         output: arguments.output,
-        bounds: arguments.bounds.map(|Bounds(low, high)| (low, high)),
+        bounds: arguments.bounds.map(|BoundsArgument(low, high)| (low, high)),
         level: arguments.level,
         point_format: arguments.point_format,
         memory_limit: arguments.memory_limit.unwrap_or_else(limits::default_memory_limit),
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn boxes_are_read_flat_and_whole() {
         assert_eq!(bounds("1, 2,3,4").unwrap().0[..2], [1.0, 2.0]);
-        assert_eq!(bounds("-1,2,-3,4,5,6.5"), Ok(Bounds([-1.0, 2.0, -3.0], [4.0, 5.0, 6.5])));
+        assert_eq!(bounds("-1,2,-3,4,5,6.5"), Ok(BoundsArgument([-1.0, 2.0, -3.0], [4.0, 5.0, 6.5])));
         for text in ["", "1,2,3", "1,2,0,4", "a,b,c,d", "1,2,3,NaN"] {
             assert!(bounds(text).is_err(), "{text}");
         }

@@ -14,7 +14,7 @@ use crate::serve::config::age::Age;
 use crate::serve::config::size::Size;
 use crate::serve::job::facts::Facts;
 use crate::serve::job::time;
-use crate::serve::job::{Event, Input, Job, JobId, State};
+use crate::serve::job::{Event, Job, JobId, QueuedFile, State};
 use crate::serve::queue::{Attempt, History, Store, StoreError};
 use crate::words::{Plain, grouped};
 
@@ -97,24 +97,24 @@ pub fn run(arguments: Arguments) -> Exit {
 
 /// A job with all that is told of it.
 #[derive(Serialize)]
-struct Told<'a> {
+struct JobInFull<'a> {
     #[serde(flatten)]
     job: &'a Job,
     #[serde(flatten)]
     facts: Facts,
 }
 
-impl Told<'_> {
-    fn of(job: &Job, now: i64) -> Told<'_> {
-        Told { job, facts: Facts::of(job, now) }
+impl JobInFull<'_> {
+    fn of(job: &Job, now: i64) -> JobInFull<'_> {
+        JobInFull { job, facts: Facts::of(job, now) }
     }
 }
 
 #[derive(Serialize)]
-struct Details<'a> {
+struct JobDetails<'a> {
     #[serde(flatten)]
-    told: Told<'a>,
-    inputs: Vec<Input>,
+    told: JobInFull<'a>,
+    inputs: Vec<QueuedFile>,
     attempts_log: Vec<Attempt>,
     history: Vec<History>,
 }
@@ -128,7 +128,7 @@ async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<Str
     let id = match &arguments.action {
         Action::List { state, limit } => {
             let jobs = store.jobs(*state, None, *limit).await?;
-            let told: Vec<Told> = jobs.iter().map(|job| Told::of(job, now)).collect();
+            let told: Vec<JobInFull> = jobs.iter().map(|job| JobInFull::of(job, now)).collect();
             if arguments.json {
                 return Ok(json(&told));
             }
@@ -158,11 +158,11 @@ async fn act(store: &Store, octrees: &Path, arguments: &Arguments) -> Result<Str
         }
     };
     let job = store.job(id).await?;
-    let told = Told::of(&job, now);
+    let told = JobInFull::of(&job, now);
     match (&arguments.action, arguments.json) {
         (Action::Show { .. }, true) => {
             let (inputs, history) = (store.inputs(id).await?, store.history(id).await?);
-            Ok(json(&Details { told, inputs, attempts_log: store.attempts(id).await?, history }))
+            Ok(json(&JobDetails { told, inputs, attempts_log: store.attempts(id).await?, history }))
         }
         (Action::Show { .. }, false) => show(store, &told).await,
         (_, true) => Ok(json(&told)),
@@ -186,7 +186,7 @@ fn rest(shown: usize, all: i64) -> String {
 
 const COLUMNS: [&str; 9] = ["#", "NAME", "STATE", "POINTS", "SIZE", "TRIES", "CREATED", "TOOK", "WHY"];
 
-fn table(jobs: &[Told]) -> String {
+fn table(jobs: &[JobInFull]) -> String {
     let head = COLUMNS.map(String::from);
     let rows: Vec<[String; 9]> = std::iter::once(head).chain(jobs.iter().map(row)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
@@ -204,7 +204,7 @@ fn table(jobs: &[Told]) -> String {
     text
 }
 
-fn row(told: &Told) -> [String; 9] {
+fn row(told: &JobInFull) -> [String; 9] {
     let (job, facts) = (told.job, &told.facts);
     let state = match job.wish {
         Some(wish) => format!("{} ({} asked)", job.state.name(), wish.name()),
@@ -247,7 +247,7 @@ fn one_line(text: &str) -> String {
 const MAX_SHOWN: usize = 20;
 const MAX_RESULT: usize = 100;
 
-async fn show(store: &Store, told: &Told<'_>) -> Result<String, StoreError> {
+async fn show(store: &Store, told: &JobInFull<'_>) -> Result<String, StoreError> {
     let (job, facts) = (told.job, &told.facts);
     let mut text = table(std::slice::from_ref(told));
     text += &format!("\nsource    {}\nrevision  {}\n", Plain(job.source.display()), job.revision);

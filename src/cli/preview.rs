@@ -8,7 +8,7 @@ use super::exit::Exit;
 use super::output::{failed, say};
 use super::sheet;
 use crate::convert::context::{Cancel, Context, Progress};
-use crate::convert::preview::{Options, Preview, Still, Turntable, preview};
+use crate::convert::preview::{PreviewManifest, PreviewOptions, Still, Turntable, preview};
 use crate::platform::disk::Disk;
 use crate::platform::limits;
 use crate::render::color::ColorBy;
@@ -64,13 +64,13 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(pool) => pool,
         Err(error) => return failed(&error),
     };
-    let mut options = Options {
+    let mut options = PreviewOptions {
         color: arguments.color,
         view: arguments.view,
         renderer: arguments.renderer,
         budget: arguments.budget,
         transparent: arguments.transparent,
-        ..Options::default()
+        ..PreviewOptions::default()
     };
     if !arguments.size.is_empty() {
         let still = |&[w, h]: &[u32; 2]| Still { name: format!("{w}x{h}"), role: "overview", size: [w, h] };
@@ -130,7 +130,7 @@ fn context(into: &Path, threads: usize) -> Context {
     }
 }
 
-fn tell(into: &Path, made: &Preview) {
+fn tell(into: &Path, made: &PreviewManifest) {
     say!(
         "{} by {}, drawn by {}, {:.2} s",
         Plain(into.display()),

@@ -10,10 +10,10 @@ use serde_json::json;
 
 use super::output;
 use crate::convert::context::{Progress, Snapshot, Stage};
-use crate::convert::run::{ConductError, Outcome};
+use crate::convert::run::{ConductError, ConversionOutcome};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Style {
+pub enum ProgressFormat {
     /// A bar on a terminal, nothing elsewhere
     Auto,
     Bar,
@@ -28,13 +28,13 @@ pub enum Style {
 const TICK: Duration = Duration::from_millis(100);
 
 /// Runs `work` while its progress is shown.
-pub fn shown<T>(style: Style, progress: &Progress, work: impl FnOnce() -> T) -> T {
+pub fn shown<T>(style: ProgressFormat, progress: &Progress, work: impl FnOnce() -> T) -> T {
     let style = match style {
-        Style::Auto if std::io::stderr().is_terminal() => Style::Bar,
-        Style::Auto => Style::None,
+        ProgressFormat::Auto if std::io::stderr().is_terminal() => ProgressFormat::Bar,
+        ProgressFormat::Auto => ProgressFormat::None,
         style => style,
     };
-    if style == Style::None {
+    if style == ProgressFormat::None {
         return work();
     }
     let done = AtomicBool::new(false);
@@ -68,7 +68,7 @@ impl Drop for StopOnDrop<'_> {
 }
 
 struct Display {
-    style: Style,
+    style: ProgressFormat,
     bar: Option<ProgressBar>,
     stage: Stage,
     stage_started: Instant,
@@ -76,8 +76,8 @@ struct Display {
 }
 
 impl Display {
-    fn new(style: Style) -> Display {
-        let bar = (style == Style::Bar).then(|| {
+    fn new(style: ProgressFormat) -> Display {
+        let bar = (style == ProgressFormat::Bar).then(|| {
             let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
             let template = "{prefix:>10} {bar:40} {percent:>3} %  {msg}";
             if let Ok(style) = ProgressStyle::with_template(template) {
@@ -104,7 +104,7 @@ impl Display {
                 let left = left.map_or(String::new(), |s| format!(", {s:.0} s left in this stage"));
                 bar.set_message(format!("{:.2} M points/s{left}", rate / 1e6));
             }
-            (None, Style::Plain) => self.line(now, rate),
+            (None, ProgressFormat::Plain) => self.line(now, rate),
             (None, _) => {
                 let percent = 100.0 * now.done as f64 / now.total.max(1) as f64;
                 let line = json!({
@@ -143,14 +143,14 @@ impl Display {
 }
 
 /// The last line for machines.
-pub fn finished(style: Style, outcome: &Outcome) {
-    if style == Style::Json {
+pub fn finished(style: ProgressFormat, outcome: &ConversionOutcome) {
+    if style == ProgressFormat::Json {
         output::tell(format_args!("{}", json!({ "event": "done", "outcome": outcome })));
     }
 }
 
-pub fn failed(style: Style, error: &ConductError) {
-    if style == Style::Json {
+pub fn failed(style: ProgressFormat, error: &ConductError) {
+    if style == ProgressFormat::Json {
         let line = json!({
             "event": "failed",
             "error": error.to_string(),

@@ -10,9 +10,9 @@ use super::exit::Exit;
 use super::output::{self, failed, say};
 use crate::convert::context::Cancel;
 use crate::lab::compare;
-use crate::lab::settings::{Means, MeasureError, Step};
+use crate::lab::settings::{BenchmarkSettings, MeasureError, Step};
 use crate::lab::stability::{self, Row};
-use crate::lab::synth::Kind;
+use crate::lab::synth::SceneKind;
 use crate::platform::limits;
 
 /// Measure this program: speed against accuracy of its methods, or its stability
@@ -37,7 +37,7 @@ pub struct Arguments {
     points: Option<u64>,
     /// Only these scenes
     #[arg(long, ignore_case = true, value_delimiter = ',', value_name = "SCENES")]
-    scenes: Vec<Kind>,
+    scenes: Vec<SceneKind>,
     /// Conversions a method or row; their median counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=99))]
     rounds: u16,
@@ -70,7 +70,7 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(program) => program,
         Err(error) => return failed(&error),
     };
-    let means = Means {
+    let means = BenchmarkSettings {
         program,
         threads: arguments.threads.map_or_else(limits::threads, usize::from),
         rounds: usize::from(arguments.rounds),
@@ -86,7 +86,7 @@ pub fn run(arguments: Arguments) -> Exit {
     outcome.unwrap_or_else(|error| failed(&error))
 }
 
-fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
+fn comparison(arguments: Arguments, means: BenchmarkSettings) -> Result<Exit, MeasureError> {
     let mut options = match arguments.full {
         true => compare::CompareOptions::full(means),
         false => compare::CompareOptions::quick(means),
@@ -125,7 +125,7 @@ fn comparison(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> 
     Ok(Exit::Done)
 }
 
-fn stability(arguments: Arguments, means: Means) -> Result<Exit, MeasureError> {
+fn stability(arguments: Arguments, means: BenchmarkSettings) -> Result<Exit, MeasureError> {
     let options = stability::StabilityOptions {
         means,
         points: arguments.points.unwrap_or(5_000_000),

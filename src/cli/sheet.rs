@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use crate::convert::preview::Preview;
+use crate::convert::preview::PreviewManifest;
 
 /// The page; `entries` are the folders of pictures beside it and what they hold.
-pub fn page(entries: &[(String, Preview)]) -> String {
+pub fn page(entries: &[(String, PreviewManifest)]) -> String {
     let mut figures = String::new();
     for (folder, preview) in entries {
         let (name, link) = (escaped(folder), link(folder));
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn names_cannot_break_the_page() {
-        let preview: Preview = serde_json::from_str(
+        let preview: PreviewManifest = serde_json::from_str(
             r#"{"shows": "rgb", "renderer": "cpu", "seconds": 1, "assets": [{"href": "thumbnail.png",
                 "type": "image/png", "roles": ["thumbnail"], "width": 1, "height": 1, "frames": 1,
                 "bytes": 1, "nodes": 1, "points": 7, "bytes_read": 1, "seconds": 1}]}"#,

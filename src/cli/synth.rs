@@ -8,14 +8,14 @@ use super::arguments;
 use super::exit::Exit;
 use super::output::failed;
 use crate::format::las::{LasError, LasOptions, LasWriter, Vlr};
-use crate::lab::synth::{Kind, Recipe, Scene, SceneError, Tile};
+use crate::lab::synth::{Recipe, SceneError, SceneFile, SceneKind, SyntheticScene};
 
 /// Make a synthetic cloud: the same bytes from the same seed on every machine.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The scene.
     #[arg(ignore_case = true)]
-    scene: Kind,
+    scene: SceneKind,
     /// The file to write (it is replaced if it exists); for `strips` a folder.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -75,8 +75,8 @@ fn write(arguments: &Arguments) -> Result<(), SynthError> {
         teapot: arguments.teapot,
         span: arguments.span,
     };
-    let scene = Scene::new(recipe)?;
-    if arguments.scene != Kind::Strips {
+    let scene = SyntheticScene::new(recipe)?;
+    if arguments.scene != SceneKind::Strips {
         return scene
             .tiles()
             .iter()
@@ -91,7 +91,12 @@ fn write(arguments: &Arguments) -> Result<(), SynthError> {
     Ok(())
 }
 
-fn write_tile(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> Result<(), SynthError> {
+fn write_tile(
+    arguments: &Arguments,
+    scene: &SyntheticScene,
+    tile: &SceneFile,
+    path: &Path,
+) -> Result<(), SynthError> {
     let mut writer = LasWriter::create(path, &options(arguments, scene, tile, path))?;
     let threads = rayon::current_num_threads() as u64;
     let mut ready = Vec::new();
@@ -112,7 +117,7 @@ fn write_all(writer: &mut LasWriter, slices: &[Vec<u8>]) -> Result<(), LasError>
     slices.iter().try_for_each(|records| writer.write(records))
 }
 
-fn make(scene: &Scene, first: u64, end: u64, format: u8) -> Result<Vec<Vec<u8>>, SceneError> {
+fn make(scene: &SyntheticScene, first: u64, end: u64, format: u8) -> Result<Vec<Vec<u8>>, SceneError> {
     let slices = (end - first).div_ceil(SLICE);
     (0..slices)
         .into_par_iter()
@@ -123,7 +128,7 @@ fn make(scene: &Scene, first: u64, end: u64, format: u8) -> Result<Vec<Vec<u8>>,
         .collect()
 }
 
-fn options(arguments: &Arguments, scene: &Scene, tile: &Tile, path: &Path) -> LasOptions {
+fn options(arguments: &Arguments, scene: &SyntheticScene, tile: &SceneFile, path: &Path) -> LasOptions {
     let named_laz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     LasOptions {
         version: match arguments.format {
@@ -163,7 +168,7 @@ mod tests {
             let line = ["synth", scene, "-o", "x", "--points", points, "--format", format];
             let arguments = Line::parse_from(line).arguments;
             let recipe = Recipe::new(arguments.scene, arguments.points, 1);
-            let scene = Scene::new(recipe).unwrap();
+            let scene = SyntheticScene::new(recipe).unwrap();
             options(&arguments, &scene, &scene.tiles()[0], &arguments.output).version
         };
         assert_eq!(version("terrain", "4294967295", "3"), (1, 2));

@@ -8,7 +8,7 @@ use super::exit::Exit;
 use super::output::{failed, say};
 use crate::convert::options::Damaged;
 use crate::platform::limits;
-use crate::verify::{self, Request, Spacing};
+use crate::verify::{self, SpacingRule, VerifyRequest};
 
 /// Check an octree, alone or against the files that it was made of
 #[derive(Debug, clap::Args)]
@@ -28,7 +28,7 @@ pub struct Arguments {
     json: bool,
     /// Whether the rule of sampling is a must: for Lodestone's own octrees, for any, or only told
     #[arg(long, ignore_case = true, default_value = "auto", value_name = "WHEN")]
-    spacing: Spacing,
+    spacing: SpacingRule,
     /// Threads to work with; all that the machine or container grants if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -42,7 +42,7 @@ pub fn run(arguments: Arguments) -> Exit {
         Ok(pool) => pool,
         Err(error) => return failed(&error),
     };
-    let request = Request {
+    let request = VerifyRequest {
         octree: arguments.octree,
         against: arguments.against,
         damaged: arguments.damaged == Damaged::Keep,

@@ -12,12 +12,12 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::checkpoint::receipt::Span;
+use super::checkpoint::receipt::ByteRange;
 use super::checkpoint::scratch::Scratch;
 use super::context::Cancel;
 use super::error::{Result, StageError};
 use crate::octree::node::NodeKey;
-use crate::octree::sampling::sampler::Rim;
+use crate::octree::sampling::sampler::BorderSamples;
 
 /// How often one who waits looks whether all was called off.
 const LOOK: Duration = Duration::from_millis(100);
@@ -26,29 +26,29 @@ const LOOK: Duration = Duration::from_millis(100);
 /// scratch.
 #[derive(Debug, Clone)]
 pub enum StoredBorder {
-    Memory(Vec<Rim>),
-    Scratch(Span),
+    Memory(Vec<BorderSamples>),
+    Scratch(ByteRange),
 }
 
 /// See the module. Units are numbered in the order in which they honour each
 /// other.
-pub struct Halos {
+pub struct BorderExchange {
     bits: u32,
     scratch: Option<Arc<Scratch>>,
     nodes: Vec<NodeKey>,
-    state: Mutex<State>,
+    state: Mutex<BorderState>,
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct State {
+struct BorderState {
     kept: Vec<Option<StoredBorder>>,
     failed: bool,
 }
 
 /// A unit that is at work; dropped before it is done, it has failed.
-pub struct Turn<'h> {
-    halos: &'h Halos,
+pub struct UnitBorder<'h> {
+    halos: &'h BorderExchange,
     unit: usize,
     done: bool,
 }
@@ -61,10 +61,10 @@ pub fn order(nodes: &[NodeKey]) -> Vec<usize> {
     order
 }
 
-impl Halos {
+impl BorderExchange {
     /// No units yet. `bits` are those of the root cube.
-    pub fn new(bits: u32, scratch: Option<Arc<Scratch>>) -> Halos {
-        Halos { bits, scratch, nodes: Vec::new(), state: Mutex::default(), changed: Condvar::new() }
+    pub fn new(bits: u32, scratch: Option<Arc<Scratch>>) -> BorderExchange {
+        BorderExchange { bits, scratch, nodes: Vec::new(), state: Mutex::default(), changed: Condvar::new() }
     }
 
     /// More units, behind all that are there.
@@ -74,20 +74,20 @@ impl Halos {
     }
 
     /// A unit's turn begins.
-    pub fn turn(&self, unit: usize) -> Turn<'_> {
-        Turn { halos: self, unit, done: false }
+    pub fn turn(&self, unit: usize) -> UnitBorder<'_> {
+        UnitBorder { halos: self, unit, done: false }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, BorderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Turn<'_> {
+impl UnitBorder<'_> {
     /// The borders of earlier units that touch this one, down to a level. Waits
     /// until they are there; each is at work already, or done.
-    pub fn around(&self, deepest: u8, cancel: &Cancel) -> Result<Vec<Rim>> {
-        let Halos { bits, scratch, nodes, .. } = self.halos;
+    pub fn around(&self, deepest: u8, cancel: &Cancel) -> Result<Vec<BorderSamples>> {
+        let BorderExchange { bits, scratch, nodes, .. } = self.halos;
         let own = nodes[self.unit];
         let mut rims = Vec::new();
         for (unit, _) in nodes[..self.unit].iter().enumerate().filter(|(_, node)| touch(*bits, own, **node)) {
@@ -126,7 +126,7 @@ impl Turn<'_> {
     }
 }
 
-impl Drop for Turn<'_> {
+impl Drop for UnitBorder<'_> {
     fn drop(&mut self) {
         if !self.done {
             self.halos.lock().failed = true;
@@ -150,7 +150,7 @@ fn touch(bits: u32, a: NodeKey, b: NodeKey) -> bool {
 
 /// As bytes for the scratch: of each node its level, place and count, and then
 /// its samples; all numbers of four bytes.
-pub fn to_bytes(rims: &[Rim]) -> Vec<u8> {
+pub fn to_bytes(rims: &[BorderSamples]) -> Vec<u8> {
     let numbers = rims.iter().flat_map(|rim| {
         let head = [u32::from(rim.node.level), rim.node.at[0], rim.node.at[1], rim.node.at[2]];
         head.into_iter().chain([rim.samples.len() as u32]).chain(rim.samples.iter().flatten().copied())
@@ -158,7 +158,7 @@ pub fn to_bytes(rims: &[Rim]) -> Vec<u8> {
     numbers.flat_map(u32::to_le_bytes).collect()
 }
 
-fn from_bytes(bytes: &[u8]) -> Result<Vec<Rim>> {
+fn from_bytes(bytes: &[u8]) -> Result<Vec<BorderSamples>> {
     let mut numbers = bytes.as_chunks().0.iter().map(|number| u32::from_le_bytes(*number));
     let mut rims = Vec::new();
     while let Some(level) = numbers.next() {
@@ -168,7 +168,9 @@ fn from_bytes(bytes: &[u8]) -> Result<Vec<Rim>> {
         let mut three = || Some([numbers.next()?, numbers.next()?, numbers.next()?]);
         let samples: Option<Vec<[u32; 3]>> = count.and_then(|count| (0..count).map(|_| three()).collect());
         match (u8::try_from(level), at, samples) {
-            (Ok(level), Some(at), Some(samples)) => rims.push(Rim { node: NodeKey { level, at }, samples }),
+            (Ok(level), Some(at), Some(samples)) => {
+                rims.push(BorderSamples { node: NodeKey { level, at }, samples })
+            }
             _ => return Err(StageError::Inconsistent("samples of a border were cut".into())),
         }
     }
@@ -215,10 +217,10 @@ mod tests {
     /// Whoever waits gets what the other brings, and is let go when that one fails.
     #[test]
     fn a_turn_waits_for_those_before_and_not_for_ever() {
-        let mut halos = Halos::new(10, None);
+        let mut halos = BorderExchange::new(10, None);
         halos.add([node(2, [0; 3]), node(2, [3; 3]), node(2, [1, 0, 0])]);
-        let rim = Rim { node: node(3, [1, 0, 0]), samples: vec![[7; 3]] };
-        let deep = Rim { node: node(9, [1, 0, 0]), samples: vec![[8; 3]] };
+        let rim = BorderSamples { node: node(3, [1, 0, 0]), samples: vec![[7; 3]] };
+        let deep = BorderSamples { node: node(9, [1, 0, 0]), samples: vec![[8; 3]] };
         let (cancel, waited) = (Cancel::default(), AtomicUsize::new(0));
         std::thread::scope(|scope| {
             let first = halos.turn(0);
@@ -248,8 +250,8 @@ mod tests {
         fn borders_come_back_and_cut_ones_are_told(
             samples in proptest::collection::vec(proptest::collection::vec(any::<[u32; 3]>(), 0..5), 0..5),
         ) {
-            let rims: Vec<Rim> = samples.into_iter().zip(0..)
-                .map(|(samples, i)| Rim { node: node(i as u8, [i, 2, 3]), samples }).collect();
+            let rims: Vec<BorderSamples> = samples.into_iter().zip(0..)
+                .map(|(samples, i)| BorderSamples { node: node(i as u8, [i, 2, 3]), samples }).collect();
             let bytes = to_bytes(&rims);
             prop_assert_eq!(&from_bytes(&bytes).unwrap(), &rims);
             if bytes.len() >= 4 {

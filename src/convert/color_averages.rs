@@ -4,18 +4,18 @@
 use super::options::LodColor;
 use crate::octree::attribute::Schema;
 use crate::octree::color_average::{Averager, Colour};
-use crate::octree::sampling::sampler::Item;
+use crate::octree::sampling::sampler::IndexedPoint;
 use crate::octree::statistics::Statistics;
 
 /// Where records have the colour that is averaged.
 #[derive(Debug, Clone, Copy)]
-pub struct Field {
+pub struct ColorLocation {
     /// Bytes of a record, and those before the colour.
     size: usize,
     at: usize,
 }
 
-impl Field {
+impl ColorLocation {
     #[inline]
     pub fn get(self, records: &[u8], index: u32) -> Colour {
         let at = index as usize * self.size + self.at;
@@ -35,7 +35,7 @@ impl Field {
 /// Averages colours, where the schema has a place for the means.
 pub struct Averages {
     pub averager: Averager,
-    pub field: Field,
+    pub field: ColorLocation,
     /// The means' place among the schema's attributes.
     attribute: usize,
     /// Of what was written.
@@ -46,7 +46,7 @@ pub struct Averages {
 impl Averages {
     pub fn of(schema: &Schema) -> Option<Averages> {
         let name = LodColor::of(schema).mean()?;
-        let field = Field { size: schema.record_size(), at: schema.offset_of(name)? };
+        let field = ColorLocation { size: schema.record_size(), at: schema.offset_of(name)? };
         let attribute = schema.attributes.iter().position(|attribute| attribute.name == name)?;
         let (low, high) = ([u16::MAX; 3], [0; 3]);
         Some(Averages { averager: Averager::default(), field, attribute, low, high })
@@ -54,7 +54,7 @@ impl Averages {
 
     /// Takes in a node that is final. A point's mean is known only now: each level
     /// that it rises to makes a new one.
-    pub fn written(&mut self, records: &[u8], items: &[Item]) {
+    pub fn written(&mut self, records: &[u8], items: &[IndexedPoint]) {
         for item in items {
             let colour = self.field.get(records, item.index);
             for (channel, value) in colour.into_iter().enumerate() {
@@ -104,7 +104,7 @@ mod tests {
         statistics.add(&schema, &records);
         averages.tell(&mut statistics);
         assert!(statistics.attributes[1].min[0] > statistics.attributes[1].max[0], "nothing was written");
-        averages.written(&records, &[0, 1].map(|index| Item { at: [0; 3], index }));
+        averages.written(&records, &[0, 1].map(|index| IndexedPoint { at: [0; 3], index }));
         averages.tell(&mut statistics);
         let range = &statistics.attributes[1];
         assert_eq!((&range.min, &range.max), (&vec![5.0, 2.0, 7.0], &vec![9.0, 6.0, 7.0]));

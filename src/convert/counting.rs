@@ -5,20 +5,20 @@
 
 use std::sync::Mutex;
 
-use super::checkpoint::receipt::Receipt;
+use super::checkpoint::receipt::JournalEntry;
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::free_space::check_free_space;
-use super::options::Mode;
+use super::options::GuardMode;
 use super::values::coordinate_frame::CoordinateFrame;
 use super::values::counting_result::{CountingResult, FileStatistics};
-use super::values::inlier_region::Region;
+use super::values::inlier_region::InlierRegion;
 use super::values::input_slice::{CachedRecords, InputSlice};
 use super::workers;
 use crate::format::las::{LasFile, returns_of};
 use crate::octree::chunk_plan;
-use crate::octree::counting_grid::Census;
+use crate::octree::counting_grid::CountingGrid;
 use crate::octree::lattice::SourceGrid;
 use crate::octree::record;
 
@@ -32,7 +32,7 @@ fn hinted_grid(file: &LasFile) -> SourceGrid {
 /// A census on its base.
 struct Counting {
     base: CoordinateFrame,
-    census: Census,
+    census: CountingGrid,
 }
 
 impl Counting {
@@ -40,7 +40,7 @@ impl Counting {
         let base = CoordinateFrame::new(grids);
         let (cube, lattice) = (&base.cube, &base.lattice);
         let (min, max) = (cube.tree(lattice.min), cube.tree(lattice.max));
-        let census = Census::new(cube.bits, min, max, chunk_plan::census_cells(points));
+        let census = CountingGrid::new(cube.bits, min, max, chunk_plan::census_cells(points));
         Counting { base, census }
     }
 }
@@ -118,23 +118,23 @@ fn fill_in(found: &mut [FileStatistics]) {
 }
 
 /// Goes through all units, from memory where they are kept.
-pub struct Counter<'a> {
+pub struct CountingPasses<'a> {
     pub files: &'a [LasFile],
     pub units: &'a [InputSlice],
     /// Whether decoded records are to stay in memory.
     pub keep: bool,
     pub scratch: Option<&'a Scratch>,
     pub context: &'a Context,
-    pub guard: Mode,
+    pub guard: GuardMode,
     /// The part of the cloud that is counted; all of it at first.
-    pub region: Region,
+    pub region: InlierRegion,
 }
 
 /// Records looked at together: small enough to stay in the core's cache over
 /// the loops that go through them.
 const BLOCK: usize = 2048;
 
-impl Counter<'_> {
+impl CountingPasses<'_> {
     /// Goes through the points as often as it takes, unless an earlier run has.
     pub fn findings(mut self, points: u64) -> Result<(CountingResult, CoordinateFrame)> {
         if let Some(scratch) = self.scratch {
@@ -156,7 +156,7 @@ impl Counter<'_> {
         };
         tell(lying(belies_box), "bounding box is", &mut repairs);
         tell(lying(belies_returns), "counts by return are", &mut repairs);
-        while self.guard != Mode::Keep
+        while self.guard != GuardMode::Keep
             && let Some(kept) = self.region.next(&counting.census, points)
         {
             let hints = self.region.restrict(counting.base, &counting.census, kept, self.files);
@@ -279,7 +279,7 @@ impl Counter<'_> {
                         // Decoding is the dearest step of all; once is enough.
                         scratch.runs.write_all_at(buffer, unit.at)?;
                         let end = unit.at + buffer.len() as u64;
-                        scratch.receipt(&Receipt::Spooled { unit: i as u32, end })?;
+                        scratch.receipt(&JournalEntry::Spooled { unit: i as u32, end })?;
                         *kept = CachedRecords::Scratch;
                     }
                 }

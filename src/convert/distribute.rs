@@ -8,26 +8,26 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::checkpoint::receipt::Receipt;
+use super::checkpoint::receipt::JournalEntry;
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
 use super::values::counted_inputs::Survey;
 use super::values::input_slice::{CachedRecords, InputSlice};
-use super::values::record_range::{self, ExcludedRange, Part, Reason};
+use super::values::record_range::{self, ExcludedRange, RunSegment, SetAsideReason};
 use super::values::runs::{Run, RunStorage, Runs};
 use super::workers;
 use crate::octree::record;
 use crate::platform::disk::DiskFile;
 
 /// A run once it is made, with the points it holds of each chunk.
-type Made = Mutex<Option<(Run, Vec<u32>)>>;
+type RunSlot = Mutex<Option<(Run, Vec<u32>)>>;
 
 /// Cuts the surveyed units into runs.
 pub fn distribute(survey: &Survey, scratch: Option<&Arc<Scratch>>, context: &Context) -> Result<Runs> {
     context.progress.begin(Stage::Distribute, survey.points);
     let buckets = buckets(survey);
-    let made: Vec<Made> = survey.units.iter().map(|_| Mutex::new(None)).collect();
+    let made: Vec<RunSlot> = survey.units.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
         survey.units.len(),
@@ -75,8 +75,8 @@ fn buckets(survey: &Survey) -> usize {
 }
 
 /// Turns per-run counts into per-chunk parts.
-fn collect(survey: &Survey, made: Vec<Made>, file: Option<Arc<DiskFile>>) -> Result<Runs> {
-    let mut parts: Vec<Vec<Part>> = vec![Vec::new(); buckets(survey)];
+fn collect(survey: &Survey, made: Vec<RunSlot>, file: Option<Arc<DiskFile>>) -> Result<Runs> {
+    let mut parts: Vec<Vec<RunSegment>> = vec![Vec::new(); buckets(survey)];
     let mut runs = Vec::with_capacity(made.len());
     for slot in made {
         let Some((run, counts)) = slot.into_inner().unwrap_or_else(|e| e.into_inner()) else {
@@ -84,7 +84,7 @@ fn collect(survey: &Survey, made: Vec<Made>, file: Option<Arc<DiskFile>>) -> Res
         };
         let mut first = 0;
         for (chunk, points) in counts.into_iter().enumerate().filter(|(_, n)| *n > 0) {
-            parts[chunk].push(Part { run: runs.len() as u32, first, points });
+            parts[chunk].push(RunSegment { run: runs.len() as u32, first, points });
             first += points;
         }
         runs.push(run);
@@ -99,9 +99,16 @@ fn collect(survey: &Survey, made: Vec<Made>, file: Option<Arc<DiskFile>>) -> Res
     }
     let outside = parts.split_off(survey.plan.chunks.len()).into_iter().flatten();
     let outliers: Vec<ExcludedRange> = outside
-        .map(|Part { run, first, points }| ExcludedRange { run, first, points, reason: Reason::Outlier })
+        .map(|RunSegment { run, first, points }| ExcludedRange {
+            run,
+            first,
+            points,
+            reason: SetAsideReason::Outlier,
+        })
         .collect();
-    if record_range::tally(&outliers).get(&Reason::Outlier).copied().unwrap_or(0) != survey.region.outliers {
+    if record_range::tally(&outliers).get(&SetAsideReason::Outlier).copied().unwrap_or(0)
+        != survey.region.outliers
+    {
         return Err(StageError::changed(&survey.inputs[0].las));
     }
     Ok(Runs { runs, parts, outliers, file })
@@ -145,7 +152,7 @@ impl Bucketer {
         if matches!(*unit.kept(), CachedRecords::Scratch) {
             records.resize(unit.slice.points as usize * input.source.record_length, 0);
             scratch.runs.read_exact_at(&mut records, unit.at)?;
-            scratch.receipt(&Receipt::Bucketing { unit: number })?;
+            scratch.receipt(&JournalEntry::Bucketing { unit: number })?;
         } else {
             input.las.read(unit.slice, &mut records)?;
         }
@@ -154,7 +161,7 @@ impl Bucketer {
         scratch.runs.write_all_at(&self.run, unit.at)?;
         let held = (0..).zip(&counts).filter(|(_, n)| **n > 0).map(|(chunk, n)| (chunk, *n)).collect();
         let end = unit.at + self.run.len() as u64;
-        scratch.receipt(&Receipt::Bucketed { unit: number, end, counts: held })?;
+        scratch.receipt(&JournalEntry::Bucketed { unit: number, end, counts: held })?;
         Ok(counts)
     }
 

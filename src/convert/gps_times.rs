@@ -4,7 +4,7 @@
 
 use super::error::{Result, StageError};
 use super::formats::Formats;
-use crate::format::las::{GpsTime, LasFile};
+use crate::format::las::{GpsEpoch, LasFile};
 
 /// Files that are named one by one.
 const MOST_NAMED: usize = 5;
@@ -17,15 +17,15 @@ pub fn bring_together(
     files: &mut [LasFile],
     formats: Formats,
     notes: &mut Vec<String>,
-) -> Result<Option<GpsTime>> {
+) -> Result<Option<GpsEpoch>> {
     let has_times = |file: &&LasFile| !matches!(file.header().point_format, 0 | 2);
     let offsets = files.iter().filter(has_times).filter_map(|file| match file.header().gps_time {
-        GpsTime::Standard { offset } => Some(offset),
-        GpsTime::Week => None,
+        GpsEpoch::Standard { offset } => Some(offset),
+        GpsEpoch::Week => None,
     });
     let Some(latest) = offsets.max() else { return Ok(None) };
-    let mut common = GpsTime::Standard { offset: latest };
-    if formats.copc && common != GpsTime::ADJUSTED {
+    let mut common = GpsEpoch::Standard { offset: latest };
+    if formats.copc && common != GpsEpoch::ADJUSTED {
         if formats.potree {
             return Err(StageError::NotForCopc(format!(
                 "its GPS times are {}, which the octree keeps and COPC cannot say; convert to each format by \
@@ -33,7 +33,7 @@ pub fn bring_together(
                 common.describe()
             )));
         }
-        common = GpsTime::ADJUSTED;
+        common = GpsEpoch::ADJUSTED;
     }
     let mut moved = 0;
     for file in files.iter_mut() {
@@ -52,7 +52,7 @@ pub fn bring_together(
     if moved > MOST_NAMED {
         notes.push(format!("the GPS times of {} more files were moved likewise", moved - MOST_NAMED));
     }
-    let of_weeks = files.iter().filter(has_times).filter(|file| file.header().gps_time == GpsTime::Week);
+    let of_weeks = files.iter().filter(has_times).filter(|file| file.header().gps_time == GpsEpoch::Week);
     match of_weeks.count() {
         0 => {}
         weeks if formats.copc => {

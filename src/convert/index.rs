@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::borders::{self, Halos, StoredBorder, Turn};
+use super::borders::{self, BorderExchange, StoredBorder, UnitBorder};
 use super::checkpoint::scratch::Scratch;
 use super::context::{Context, Stage};
 use super::copc::CopcWriter;
@@ -14,25 +14,25 @@ use super::guards::exact_duplicates;
 use super::memory_estimate::chunk_memory;
 use super::node_writer::{NodeWriter, RawPoints, Written};
 use super::octree_writer::OutputFiles;
-use super::options::{Mode, Options};
+use super::options::{GuardMode, Options};
 use super::pending_root::{FinishedUnit, Indexed, PendingRoot, RootRecords, hand_in, resubmit};
 use super::values::block::{COPC, OCTREE};
 use super::values::counted_inputs::Survey;
-use super::values::record_range::{self, ExcludedRange, Part, Reason};
+use super::values::record_range::{self, ExcludedRange, RunSegment, SetAsideReason};
 use super::values::runs::{RunStorage, Runs};
 use super::workers;
 use crate::octree::attribute::Schema;
 use crate::octree::chunk_plan::Chunk;
-use crate::octree::local_octree::Builder;
+use crate::octree::local_octree::LocalOctreeBuilder;
 use crate::octree::moments::Moments;
 use crate::octree::node::{LEAF_LIMIT, NodeKey};
-use crate::octree::sampling::sampler::{Item, Sampler};
+use crate::octree::sampling::sampler::{IndexedPoint, Sampler};
 use crate::octree::statistics::Statistics;
 use crate::platform::disk::DiskFile;
 
 /// A chunk's root once it is there, what was kept out, and the moments of what was
 /// written.
-type Slot = Mutex<Option<(PendingRoot, (Vec<ExcludedRange>, Moments))>>;
+type RootSlot = Mutex<Option<(PendingRoot, (Vec<ExcludedRange>, Moments))>>;
 
 /// Indexes all chunks into the octree file. Blocks are numbered in the order in
 /// which the chunks take their turns (see [`halos`]).
@@ -47,11 +47,11 @@ pub fn index(
     context.progress.begin(Stage::Index, survey.points);
     let chunks = &survey.plan.chunks;
     let threads = threads_for_memory(survey, options, context)?;
-    let pending: Vec<Slot> = chunks.iter().map(|_| Mutex::new(None)).collect();
+    let pending: Vec<RootSlot> = chunks.iter().map(|_| Mutex::new(None)).collect();
     let total = Mutex::new((Statistics::empty(&survey.unified.schema), 0));
     let nodes: Vec<NodeKey> = chunks.iter().map(|chunk| chunk.node).collect();
     let order = borders::order(&nodes);
-    let mut halos = Halos::new(survey.cube.bits, scratch.cloned());
+    let mut halos = BorderExchange::new(survey.cube.bits, scratch.cloned());
     let scratch = scratch.map(|scratch| &**scratch);
     halos.add(order.iter().map(|chunk| nodes[*chunk]));
     let start = || Indexer::new(survey, options, scratch);
@@ -104,8 +104,8 @@ struct Indexer<'o> {
     sampler: Box<dyn Sampler>,
     /// Where a COPC file is written; it keeps its encoder's memory.
     copc: Option<CopcWriter<'o>>,
-    items: Vec<Item>,
-    spare: Vec<Item>,
+    items: Vec<IndexedPoint>,
+    spare: Vec<IndexedPoint>,
     raw: Vec<u8>,
     records: Vec<u8>,
 }
@@ -124,7 +124,7 @@ impl<'o> Indexer<'o> {
         runs: &Runs,
         files: &OutputFiles,
         (unit, number): (usize, usize),
-        turn: &Turn,
+        turn: &UnitBorder,
         context: &Context,
     ) -> Result<FinishedUnit> {
         let chunk = survey.plan.chunks[number];
@@ -143,14 +143,14 @@ impl<'o> Indexer<'o> {
         let points = raw_points(survey, runs, parts, &self.raw);
         let statistics = points.unpack(&mut self.items, &mut self.records)?;
         let mut kept_out = Vec::new();
-        if self.options.twins != Mode::Keep {
+        if self.options.twins != GuardMode::Keep {
             let twins = exact_duplicates::find(self.items.len(), points.records());
             let mut next = twins.iter().peekable();
             self.items.retain(|item| next.next_if_eq(&&item.index).is_none());
-            aside.extend(record_range::ranges(parts, &twins, Reason::Twin));
+            aside.extend(record_range::ranges(parts, &twins, SetAsideReason::Twin));
             kept_out = twins;
         }
-        self.spare.resize(self.items.len(), Item::default());
+        self.spare.resize(self.items.len(), IndexedPoint::default());
         if context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
@@ -159,13 +159,13 @@ impl<'o> Indexer<'o> {
         writer.block = files.block(OCTREE);
         writer.reserve(self.items.len());
         writer.copc = self.copc.take().map(|copc| copc.with_block(files.block(COPC)));
-        let mut builder = Builder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
-        builder.thin_crowds = self.options.duplicates != Mode::Keep;
+        let mut builder = LocalOctreeBuilder::new(survey.cube.bits, LEAF_LIMIT, &mut *self.sampler, writer);
+        builder.thin_crowds = self.options.duplicates != GuardMode::Keep;
         // Asked for late: what is read and unpacked meanwhile need not wait.
         builder.around = turn.around(u8::MAX, &context.cancel)?;
         let root = builder.build(chunk.node, &mut self.items, &mut self.spare)?;
         builder.aside.sort_unstable();
-        aside.extend(record_range::ranges(parts, &builder.aside, Reason::Duplicate));
+        aside.extend(record_range::ranges(parts, &builder.aside, SetAsideReason::Duplicate));
         let set_aside: u64 = record_range::tally(&aside).values().sum();
         kept_out.append(&mut builder.aside);
         let schema = &survey.unified.schema;
@@ -219,11 +219,11 @@ fn statistics_without(schema: &Schema, records: &[u8], mut without: Vec<u32>) ->
 fn load_parts(
     survey: &Survey,
     runs: &Runs,
-    parts: &[Part],
+    parts: &[RunSegment],
     file: &DiskFile,
     raw: &mut Vec<u8>,
 ) -> Result<()> {
-    let bytes_of = |part: &Part| {
+    let bytes_of = |part: &RunSegment| {
         let length = survey.inputs[runs.runs[part.run as usize].input].source.record_length;
         (part.first as usize * length, part.points as usize * length)
     };
@@ -239,7 +239,12 @@ fn load_parts(
     Ok(())
 }
 
-fn raw_points<'a>(survey: &'a Survey, runs: &'a Runs, parts: &'a [Part], raw: &'a [u8]) -> RawPoints<'a> {
+fn raw_points<'a>(
+    survey: &'a Survey,
+    runs: &'a Runs,
+    parts: &'a [RunSegment],
+    raw: &'a [u8],
+) -> RawPoints<'a> {
     let mut rest = raw;
     RawPoints::new(
         survey,

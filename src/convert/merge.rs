@@ -8,7 +8,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex};
 
-use super::borders::{self, StoredBorder, Turn};
+use super::borders::{self, StoredBorder, UnitBorder};
 use super::checkpoint::scratch::Scratch;
 use super::color_averages::Averages;
 use super::context::{Context, Stage};
@@ -20,13 +20,13 @@ use super::options::Options;
 use super::pending_root::{self, FinishedUnit, Indexed, PendingRoot, RootRecords};
 use super::values::counted_inputs::Survey;
 use super::workers;
-use crate::octree::cube::Frame;
+use crate::octree::cube::NodeCube;
 use crate::octree::local_octree::{is_hollow, move_taken};
 use crate::octree::moments::Moments;
 use crate::octree::node::{LEAF_LIMIT, NodeKey};
 use crate::octree::node_limit::{NODE_LIMIT, thin};
 use crate::octree::record;
-use crate::octree::sampling::sampler::{Item, Sampler};
+use crate::octree::sampling::sampler::{IndexedPoint, Sampler};
 use crate::octree::statistics::Statistics;
 
 /// Highest level of the cut: it has up to 64 nodes, of which a flat country fills 16.
@@ -68,7 +68,7 @@ pub fn merge(
     let (subtrees, mut top) = cut(indexed.pending);
     let mut halos = indexed.halos;
     halos.add(subtrees.iter().map(|(node, _)| *node).chain([NodeKey::ROOT]));
-    let merged: Vec<Slot> = subtrees.iter().map(|_| Mutex::new(None)).collect();
+    let merged: Vec<SubtreeSlot> = subtrees.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
         subtrees.len(),
@@ -142,7 +142,7 @@ type Roots = HashMap<NodeKey, PendingRoot>;
 
 /// A subtree's topmost node once it is there, the points below it, their statistics,
 /// and the moments of those that were written.
-type Slot = Mutex<Option<(PendingRoot, u64, Statistics, Moments)>>;
+type SubtreeSlot = Mutex<Option<(PendingRoot, u64, Statistics, Moments)>>;
 
 /// Chunks below the cut by the subtree they are in, in the order in which the
 /// subtrees take their turns, and those at or above it.
@@ -187,12 +187,12 @@ struct Merger<'a> {
 }
 
 /// A node above or at a chunk's root that its parent has not sampled yet.
-struct Grown {
+struct UnsampledCoarseNode {
     node: NodeKey,
     has_children: bool,
     crowded: bool,
     records: Vec<u8>,
-    items: Vec<Item>,
+    items: Vec<IndexedPoint>,
     /// The records of all nodes below, where these join it in the COPC file.
     below: Option<RootRecords>,
 }
@@ -225,7 +225,7 @@ impl<'a> Merger<'a> {
 
     /// Learns of the samples around, of the levels that are sampled here: those
     /// above the deepest root.
-    fn begin(&mut self, turn: &Turn) -> Result<()> {
+    fn begin(&mut self, turn: &UnitBorder) -> Result<()> {
         let deepest = self.roots.keys().map(|node| node.level).max().unwrap_or(0);
         self.sampler.begin(turn.around(deepest.saturating_sub(1), &self.context.cancel)?);
         Ok(())
@@ -236,13 +236,13 @@ impl<'a> Merger<'a> {
         mut self,
         node: NodeKey,
         files: &OutputFiles,
-        turn: &Turn,
+        turn: &UnitBorder,
         number: usize,
     ) -> Result<FinishedUnit> {
         self.begin(turn)?;
         let root = self.grow(node)?;
-        let halo = StoredBorder::Memory(self.sampler.end(node, Frame::of(self.survey.cube.bits, node)));
-        let Grown { node, has_children, crowded, records, below, .. } =
+        let halo = StoredBorder::Memory(self.sampler.end(node, NodeCube::of(self.survey.cube.bits, node)));
+        let UnsampledCoarseNode { node, has_children, crowded, records, below, .. } =
             root.ok_or_else(|| StageError::Inconsistent(format!("nothing lies below {node}")))?;
         let Written { blocks, points, averages, moments, .. } = self.writer.finish();
         let mut statistics = Statistics::empty(&self.survey.unified.schema);
@@ -252,14 +252,14 @@ impl<'a> Merger<'a> {
         pending_root::hand_in(files, number, blocks, done, self.scratch)
     }
 
-    fn grow(&mut self, node: NodeKey) -> Result<Option<Grown>> {
+    fn grow(&mut self, node: NodeKey) -> Result<Option<UnsampledCoarseNode>> {
         if self.context.cancel.is_cancelled() {
             return Err(StageError::Cancelled);
         }
         if let Some(PendingRoot { has_children, crowded, records, below, .. }) = self.roots.remove(&node) {
             let records = records.fetch(self.scratch)?;
             let items = self.items(&records);
-            return Ok(Some(Grown { node, has_children, crowded, records, items, below }));
+            return Ok(Some(UnsampledCoarseNode { node, has_children, crowded, records, items, below }));
         }
         if !self.above.contains(&node) {
             return Ok(None);
@@ -271,22 +271,33 @@ impl<'a> Merger<'a> {
         self.sample(node, children).map(Some)
     }
 
-    fn items(&self, records: &[u8]) -> Vec<Item> {
+    fn items(&self, records: &[u8]) -> Vec<IndexedPoint> {
         let size = self.survey.unified.schema.record_size();
         let tree = |r: &[u8]| self.survey.cube.tree(record::raw_position(r));
-        records.chunks_exact(size).zip(0..).map(|(r, index)| Item { at: tree(r), index }).collect()
+        records.chunks_exact(size).zip(0..).map(|(r, index)| IndexedPoint { at: tree(r), index }).collect()
     }
 
-    fn sample(&mut self, node: NodeKey, mut children: Vec<Grown>) -> Result<Grown> {
+    fn sample(
+        &mut self,
+        node: NodeKey,
+        mut children: Vec<UnsampledCoarseNode>,
+    ) -> Result<UnsampledCoarseNode> {
         let leaves = children.iter().map(|c| (c.items.len(), c.has_children, c.crowded));
         if is_hollow(LEAF_LIMIT, leaves) {
             let records = children.into_iter().flat_map(|c| c.records).collect::<Vec<u8>>();
             let items = self.items(&records);
-            return Ok(Grown { node, has_children: false, crowded: true, records, items, below: None });
+            return Ok(UnsampledCoarseNode {
+                node,
+                has_children: false,
+                crowded: true,
+                records,
+                items,
+                below: None,
+            });
         }
         let has_below = children.iter().any(|c| c.has_children);
-        let candidates: Vec<&[Item]> = children.iter().map(|c| c.items.as_slice()).collect();
-        let frame = Frame::of(self.survey.cube.bits, node);
+        let candidates: Vec<&[IndexedPoint]> = children.iter().map(|c| c.items.as_slice()).collect();
+        let frame = NodeCube::of(self.survey.cube.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
         if let Some(Averages { averager, field, .. }) = &mut self.writer.averages {
@@ -314,13 +325,13 @@ impl<'a> Merger<'a> {
         children.retain(|c| !c.items.is_empty() || c.has_children);
         let has_children = !children.is_empty();
         self.write(children)?;
-        Ok(Grown { node, has_children, crowded: false, records, items, below: None })
+        Ok(UnsampledCoarseNode { node, has_children, crowded: false, records, items, below: None })
     }
 
     /// Writes nodes that are final.
-    fn write(&mut self, nodes: Vec<Grown>) -> Result<()> {
+    fn write(&mut self, nodes: Vec<UnsampledCoarseNode>) -> Result<()> {
         for grown in nodes {
-            let Grown { node, records, items, below, .. } = grown;
+            let UnsampledCoarseNode { node, records, items, below, .. } = grown;
             self.writer.records = records;
             self.writer.octree_node(node, &items)?;
             if let Some(copc) = &mut self.writer.copc {

@@ -6,17 +6,17 @@ use super::color_averages::Averages;
 use super::copc::CopcWriter;
 use super::error::StageError;
 use super::options::{Encoding, Options};
-use super::values::block::{Block, Each, NodeEntry};
+use super::values::block::{Each, NodeBlock, NodeEntry};
 use super::values::counted_inputs::Survey;
 use crate::format::potree;
 use crate::octree::attribute::Schema;
-use crate::octree::cube::Frame;
-use crate::octree::local_octree::Emit;
+use crate::octree::cube::NodeCube;
+use crate::octree::local_octree::NodeSink;
 use crate::octree::moments::Moments;
 use crate::octree::node::NodeKey;
 use crate::octree::node_order;
 use crate::octree::record;
-use crate::octree::sampling::sampler::Item;
+use crate::octree::sampling::sampler::IndexedPoint;
 use crate::octree::statistics::Statistics;
 
 /// Brotli's effort, by its curve on nodes of terrain (processor time as a
@@ -37,7 +37,7 @@ pub struct NodeWriter<'a> {
     /// Buffers.
     order: Vec<u32>,
     plain: Vec<u8>,
-    pub block: Block,
+    pub block: NodeBlock,
     pub points: u64,
     /// Where a COPC file is written.
     pub copc: Option<CopcWriter<'a>>,
@@ -52,7 +52,7 @@ impl<'a> NodeWriter<'a> {
             averages: Averages::of(&survey.unified.schema),
             order: Vec::new(),
             plain: Vec::new(),
-            block: Block::default(),
+            block: NodeBlock::default(),
             points: 0,
             copc: None,
         }
@@ -74,7 +74,7 @@ impl<'a> NodeWriter<'a> {
     }
 
     /// Puts a node that is final into octree.bin.
-    pub fn octree_node(&mut self, node: NodeKey, items: &[Item]) -> Result<(), StageError> {
+    pub fn octree_node(&mut self, node: NodeKey, items: &[IndexedPoint]) -> Result<(), StageError> {
         if let Some(averages) = &mut self.averages {
             averages.written(&self.records, items);
         }
@@ -93,7 +93,7 @@ impl<'a> NodeWriter<'a> {
     }
 
     /// The records of items, in an order of their ranks, into `out`.
-    pub fn gather(&mut self, items: &[Item], order: impl Iterator<Item = usize>, out: &mut [u8]) {
+    pub fn gather(&mut self, items: &[IndexedPoint], order: impl Iterator<Item = usize>, out: &mut [u8]) {
         let size = self.schema.record_size();
         // Numbers first: then the copies wait for nothing but themselves, and
         // many of them are on their way at once.
@@ -106,14 +106,14 @@ impl<'a> NodeWriter<'a> {
     }
 
     /// Puts a node's records behind those before, as they are.
-    fn put_plain(&mut self, items: &[Item]) {
+    fn put_plain(&mut self, items: &[IndexedPoint]) {
         let mut block = std::mem::take(&mut self.block.bytes);
         let room = block.room(items.len() * self.schema.record_size());
         self.gather(items, node_order::coarse_to_fine(items.len()), room);
         self.block.bytes = block;
     }
 
-    fn put_brotli(&mut self, items: &[Item]) -> Result<(), StageError> {
+    fn put_brotli(&mut self, items: &[IndexedPoint]) -> Result<(), StageError> {
         let mut plain = std::mem::take(&mut self.plain);
         plain.resize(items.len() * self.schema.record_size(), 0);
         self.gather(items, node_order::coarse_to_fine(items.len()), &mut plain);
@@ -126,10 +126,10 @@ impl<'a> NodeWriter<'a> {
     }
 }
 
-impl Emit for NodeWriter<'_> {
+impl NodeSink for NodeWriter<'_> {
     type Error = StageError;
 
-    fn sampled(&mut self, frame: Frame, has_below: bool, candidates: &[&[Item]], taken: &[bool]) {
+    fn sampled(&mut self, frame: NodeCube, has_below: bool, candidates: &[&[IndexedPoint]], taken: &[bool]) {
         let Some(Averages { averager, field, .. }) = &mut self.averages else { return };
         let records = &mut self.records;
         let colour = |_: usize, index: u32| field.get(records, index);
@@ -138,7 +138,7 @@ impl Emit for NodeWriter<'_> {
         }
     }
 
-    fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), StageError> {
+    fn node(&mut self, node: NodeKey, _: NodeCube, items: &[IndexedPoint]) -> Result<(), StageError> {
         self.octree_node(node, items)?;
         match &mut self.copc {
             None => Ok(()),
@@ -150,7 +150,7 @@ impl Emit for NodeWriter<'_> {
 /// What a [`NodeWriter`] wrote.
 pub struct Written<'a> {
     pub records: Vec<u8>,
-    pub blocks: Each<Block>,
+    pub blocks: Each<NodeBlock>,
     pub points: u64,
     pub averages: Option<Averages>,
     pub moments: Moments,
@@ -177,7 +177,11 @@ impl<'a> RawPoints<'a> {
     /// All points: as items of the tree, and as records in the octree's layout;
     /// and their statistics, made while the records are at hand. Fails if a point
     /// lies outside the cube.
-    pub fn unpack(&self, items: &mut Vec<Item>, records: &mut Vec<u8>) -> Result<Statistics, StageError> {
+    pub fn unpack(
+        &self,
+        items: &mut Vec<IndexedPoint>,
+        records: &mut Vec<u8>,
+    ) -> Result<Statistics, StageError> {
         let Survey { inputs, cube, unified, .. } = self.survey;
         let size = unified.schema.record_size();
         let points = |(input, bytes): &(usize, &[u8])| bytes.len() / inputs[*input].source.record_length;
@@ -202,7 +206,7 @@ impl<'a> RawPoints<'a> {
                         record::put_position(record, stored);
                         let at = cube.tree(stored);
                         outside |= !cube.holds(at);
-                        Item { at, index }
+                        IndexedPoint { at, index }
                     }));
                     unified.mover(*number).apply(block, length, into);
                 }

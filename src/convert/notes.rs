@@ -2,21 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use crate::convert::options::{Mode, Options};
-use crate::convert::values::record_range::Reason;
+use crate::convert::options::{GuardMode, Options};
+use crate::convert::values::record_range::SetAsideReason;
 use crate::octree::attribute::{Attribute, Schema};
 use crate::octree::statistics::Statistics;
 
 /// Says which points are not in the octree, and where they are instead.
 pub(super) fn kept_out(
-    set_aside: &BTreeMap<Reason, u64>,
+    set_aside: &BTreeMap<SetAsideReason, u64>,
     files: &[String],
     options: &Options,
 ) -> Vec<String> {
     let told = set_aside.iter().filter(|(_, points)| **points > 0).map(|(reason, points)| {
         let (count, many) = (*points, if *points == 1 { "" } else { "s" });
         match reason.mode(options) {
-            Mode::Drop => format!("{count} point{many} dropped as {}{many}, as asked", reason.name()),
+            GuardMode::Drop => format!("{count} point{many} dropped as {}{many}, as asked", reason.name()),
             _ => format!("{count} point{many} set aside as {}{many}, in {}", reason.name(), files.join(", ")),
         }
     });

@@ -11,18 +11,18 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-use super::checkpoint::receipt::{Built, Receipt};
+use super::checkpoint::receipt::{JournalEntry, StoredUnit};
 use super::checkpoint::scratch::Scratch;
 use super::error::{Result, StageError};
-use super::values::block::{Block, Bytes, COPC, Each, NodeEntry, OCTREE, lengths};
-use super::values::finished_files::Finished;
+use super::values::block::{Bytes, COPC, Each, NodeBlock, NodeEntry, OCTREE, lengths};
+use super::values::finished_files::FinishedFile;
 use crate::platform::disk::DiskFile;
 
 /// What a unit of work made, waiting for its place in the files, or having just got
 /// it.
 enum Content {
     /// In memory; with the receipt to be given when it is written.
-    Here(Each<Bytes>, Option<Box<Built>>),
+    Here(Each<Bytes>, Option<Box<StoredUnit>>),
     /// In the scratch, receipted.
     Spilled(Each<u64>),
     /// At these places already, since an earlier run.
@@ -39,7 +39,7 @@ impl Content {
 }
 
 #[derive(Default)]
-struct State {
+struct WriterState {
     /// The blocks that get the next places, and these places.
     next: usize,
     end: Each<u64>,
@@ -52,7 +52,7 @@ struct State {
 
 /// A file of points.
 #[derive(Debug)]
-pub struct Target {
+pub struct PointFile {
     pub file: DiskFile,
     /// Where its points begin, in bytes.
     pub start: u64,
@@ -64,7 +64,7 @@ pub struct OutputFiles {
     scratch: Option<Arc<Scratch>>,
     /// Bytes that may wait in memory before threads are held back.
     most_waiting: u64,
-    state: Mutex<State>,
+    state: Mutex<WriterState>,
     moved: Condvar,
     /// Memory of blocks that are written, for those to come.
     used: Each<Mutex<Vec<Bytes>>>,
@@ -75,11 +75,11 @@ const MOST_USED: usize = 4;
 
 impl OutputFiles {
     pub fn new(
-        targets: Each<Option<Target>>,
+        targets: Each<Option<PointFile>>,
         scratch: Option<Arc<Scratch>>,
         most_waiting: u64,
     ) -> OutputFiles {
-        let mut state = State::default();
+        let mut state = WriterState::default();
         let mut files = [None, None];
         for ((target, file), end) in targets.into_iter().zip(&mut files).zip(&mut state.end) {
             let Some(target) = target else { continue };
@@ -106,15 +106,15 @@ impl OutputFiles {
     }
 
     /// An empty block for a file.
-    pub fn block(&self, file: usize) -> Block {
+    pub fn block(&self, file: usize) -> NodeBlock {
         let bytes = self.used(file).pop().unwrap_or_default();
-        Block { bytes, nodes: Vec::new() }
+        NodeBlock { bytes, nodes: Vec::new() }
     }
 
     /// Hands in the blocks of a number; each number from 0 on comes once. With a
     /// receipt, it is given when the blocks are safe. Without a scratch, the caller
     /// is held back while too much waits, unless it brings what everybody waits for.
-    pub fn submit(&self, number: usize, blocks: Each<Block>, receipt: Option<Built>) -> Result<()> {
+    pub fn submit(&self, number: usize, blocks: Each<NodeBlock>, receipt: Option<StoredUnit>) -> Result<()> {
         let is_next = self.state().next == number;
         let bytes = lengths(&blocks);
         let [a, b] = blocks;
@@ -130,7 +130,7 @@ impl OutputFiles {
     }
 
     /// Hands in blocks that an earlier run made.
-    pub fn submit_again(&self, number: usize, built: &Built) -> Result<()> {
+    pub fn submit_again(&self, number: usize, built: &StoredUnit) -> Result<()> {
         let content = match built.at {
             Some(at) => Content::Written { at, bytes: built.bytes },
             None => Content::Spilled(built.bytes),
@@ -181,7 +181,10 @@ impl OutputFiles {
                     self.put(file, at[file], &bytes[file])?;
                 }
                 if let (Some(scratch), Some(built)) = (scratch, receipt) {
-                    scratch.receipt(&Receipt::Built { number, built: Built { at: Some(at), ..*built } })?;
+                    scratch.receipt(&JournalEntry::Built {
+                        number,
+                        built: StoredUnit { at: Some(at), ..*built },
+                    })?;
                 }
                 for (file, bytes) in bytes.into_iter().enumerate() {
                     let mut used = self.used(file);
@@ -234,7 +237,7 @@ impl OutputFiles {
     /// The files with all their points; what an earlier run wrote behind these is
     /// gone. What comes behind the points is still to be written, and all of it to be
     /// made to last.
-    pub fn finish(self) -> Result<Each<Option<Finished>>> {
+    pub fn finish(self) -> Result<Each<Option<FinishedFile>>> {
         let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         if !state.waiting.is_empty() {
             return Err(StageError::Inconsistent(format!("block {} never came", state.next)));
@@ -247,7 +250,7 @@ impl OutputFiles {
             if file.length()? > end {
                 file.cut_to(end)?;
             }
-            *finished = Some(Finished { file, nodes, end });
+            *finished = Some(FinishedFile { file, nodes, end });
         }
         Ok(finished)
     }
@@ -256,7 +259,7 @@ impl OutputFiles {
         self.used[file].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, WriterState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -118,7 +118,7 @@ impl LodColor {
 /// What becomes of points that a guard finds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
-pub enum Mode {
+pub enum GuardMode {
     /// They go into the octree like all others.
     Keep,
     /// They are written to `set-aside.laz` beside the octree.
@@ -139,7 +139,7 @@ pub enum Damaged {
     Keep,
 }
 
-deserialize_choice!(Sampling, Encoding, LodColor, Mode, Damaged);
+deserialize_choice!(Sampling, Encoding, LodColor, GuardMode, Damaged);
 
 /// What changes the octree's bytes. Threads, memory and folders do not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -150,13 +150,13 @@ pub struct Options {
     /// Colours of coarse levels.
     pub lod_color: LodColor,
     /// Few points so far away that the cube would be made for them.
-    pub outliers: Mode,
+    pub outliers: GuardMode,
     /// Points at one position beyond a leaf's worth.
-    pub duplicates: Mode,
+    pub duplicates: GuardMode,
     /// Files that promise more points than can be read.
     pub damaged: Damaged,
     /// Records that equal another in every attribute; kept unless asked for.
-    pub twins: Mode,
+    pub twins: GuardMode,
     /// Attributes to keep by name; all where empty, and where it is `auto` all
     /// that are not zero in every point. `position` always stays.
     pub attributes: Vec<String>,
@@ -190,9 +190,9 @@ impl Default for Options {
             sampling: Sampling::default(),
             encoding: Encoding::default(),
             lod_color: LodColor::Keep,
-            outliers: Mode::SetAside,
-            duplicates: Mode::SetAside,
-            twins: Mode::Keep,
+            outliers: GuardMode::SetAside,
+            duplicates: GuardMode::SetAside,
+            twins: GuardMode::Keep,
             damaged: Damaged::Fail,
             attributes: Vec::new(),
             name: None,

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::context::Stage;
-use super::copc::CopcFile;
+use super::copc::CopcOutput;
 use super::options::LodColor;
-use super::values::record_range::Reason;
+use super::values::record_range::SetAsideReason;
 
 /// How a conversion went.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct ConversionOutcome {
     pub files: u64,
     pub points_in: u64,
     pub points_out: u64,
@@ -22,7 +22,7 @@ pub struct Outcome {
     /// read of damaged files was asked for.
     pub points_missing: u64,
     /// By reason; what was dropped on request too.
-    pub set_aside: BTreeMap<Reason, u64>,
+    pub set_aside: BTreeMap<SetAsideReason, u64>,
     /// Files in the octree's folder that hold them.
     pub files_aside: Vec<String>,
     pub nodes: u64,
@@ -34,7 +34,7 @@ pub struct Outcome {
     pub output_bytes: u64,
     /// The COPC file, where one was asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub copc: Option<CopcFile>,
+    pub copc: Option<CopcOutput>,
     /// Bytes of intermediate files.
     pub scratch_bytes: u64,
     /// Whether every position is exactly where the input has it.

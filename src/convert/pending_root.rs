@@ -1,12 +1,12 @@
 //! Roots of chunks and of subtrees that wait until the levels above have been sampled,
 //! and how finished units of work are handed in.
 
-use super::borders::{self, Halos, StoredBorder};
-use super::checkpoint::receipt::{Built, Span, StoredRoot};
+use super::borders::{self, BorderExchange, StoredBorder};
+use super::checkpoint::receipt::{ByteRange, StoredRoot, StoredUnit};
 use super::checkpoint::scratch::Scratch;
 use super::error::{Result, StageError};
 use super::octree_writer::OutputFiles;
-use super::values::block::{self, Block, COPC, Each, OCTREE};
+use super::values::block::{self, COPC, Each, NodeBlock, OCTREE};
 use super::values::counted_inputs::Survey;
 use super::values::record_range::ExcludedRange;
 use crate::octree::moments::Moments;
@@ -27,7 +27,7 @@ pub struct PendingRoot {
 /// In memory, or out of core in the scratch.
 pub enum RootRecords {
     Memory(Vec<u8>),
-    Scratch(Span),
+    Scratch(ByteRange),
 }
 
 impl RootRecords {
@@ -43,7 +43,7 @@ impl RootRecords {
     }
 
     /// The same, in the scratch where there is one.
-    fn keep(self, scratch: &Scratch) -> Result<Span> {
+    fn keep(self, scratch: &Scratch) -> Result<ByteRange> {
         match self {
             RootRecords::Memory(records) => scratch.keep(&records),
             RootRecords::Scratch(span) => Ok(span),
@@ -73,7 +73,7 @@ impl From<StoredRoot> for PendingRoot {
 pub struct Indexed {
     pub pending: Vec<PendingRoot>,
     /// Samples along the chunks' borders.
-    pub halos: Halos,
+    pub halos: BorderExchange,
     /// Of all points, also of those that rise (but for averaged colours).
     pub statistics: Statistics,
     /// Of the points in the COPC file so far.
@@ -105,7 +105,7 @@ pub struct FinishedUnit {
 pub fn hand_in(
     files: &OutputFiles,
     number: usize,
-    blocks: Each<Block>,
+    blocks: Each<NodeBlock>,
     done: FinishedUnit,
     scratch: Option<&Scratch>,
 ) -> Result<FinishedUnit> {
@@ -122,7 +122,7 @@ pub fn hand_in(
         StoredBorder::Memory(rims) => scratch.keep(&borders::to_bytes(&rims))?,
         StoredBorder::Scratch(span) => span,
     };
-    let built = Built {
+    let built = StoredUnit {
         nodes: [OCTREE, COPC].map(|file| blocks[file].nodes.clone()),
         bytes: block::lengths(&blocks),
         at: None,
@@ -145,7 +145,7 @@ pub fn hand_in(
 }
 
 /// Hands in what an earlier run built.
-pub fn resubmit(files: &OutputFiles, number: usize, built: &Built) -> Result<FinishedUnit> {
+pub fn resubmit(files: &OutputFiles, number: usize, built: &StoredUnit) -> Result<FinishedUnit> {
     files.submit_again(number, built)?;
     Ok(FinishedUnit {
         root: built.root.into(),

@@ -14,7 +14,7 @@ use crate::render::color::ColorBy;
 use crate::render::encode::{self, Animation, Film};
 use crate::render::frame::{Background, Picture};
 use crate::render::framing::View;
-use crate::render::octree_renderer::{Effort, Quality, Studio};
+use crate::render::octree_renderer::{OctreeRenderer, Quality, RenderStats};
 use crate::render::renderer::Choice;
 use crate::render::{RenderError, Result};
 
@@ -24,7 +24,7 @@ const STANDS: u32 = 110;
 
 /// What to make.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct PreviewOptions {
     pub stills: Vec<Still>,
     pub turntable: Option<Turntable>,
     pub color: ColorBy,
@@ -55,10 +55,10 @@ pub struct Turntable {
     pub mp4: bool,
 }
 
-impl Default for Options {
-    fn default() -> Options {
+impl Default for PreviewOptions {
+    fn default() -> PreviewOptions {
         let still = |name: &str, role, size| Still { name: name.into(), role, size };
-        Options {
+        PreviewOptions {
             stills: vec![
                 still("thumbnail", "thumbnail", [512, 512]),
                 still("overview", "overview", [1600, 900]),
@@ -75,7 +75,7 @@ impl Default for Options {
 
 /// What `preview.json` says.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Preview {
+pub struct PreviewManifest {
     /// The attribute that the colours show, or `height`.
     pub shows: String,
     /// Who drew: the GPU's name, or `cpu`.
@@ -98,7 +98,7 @@ pub struct Asset {
     pub frames: u32,
     pub bytes: u64,
     #[serde(flatten)]
-    pub effort: Effort,
+    pub effort: RenderStats,
     pub seconds: f64,
 }
 
@@ -106,9 +106,14 @@ pub struct Asset {
 pub const INDEX: &str = "preview.json";
 
 /// Makes the pictures of an octree in the folder `into`.
-pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context) -> Result<Preview> {
+pub fn preview(
+    octree: &Path,
+    into: &Path,
+    options: &PreviewOptions,
+    context: &Context,
+) -> Result<PreviewManifest> {
     let started = Instant::now();
-    let mut studio = Studio::open(octree, options.color, options.renderer)?;
+    let mut studio = OctreeRenderer::open(octree, options.color, options.renderer)?;
     let mut quality = Quality { budget: options.budget, ..Quality::default() };
     if options.transparent {
         quality.background = Background::Transparent;
@@ -142,7 +147,7 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
         assets.extend(turn(&mut studio, &turntable, &quality, into, context)?);
     }
     let (shows, renderer) = (studio.shows().into(), studio.renderer().into());
-    let preview = Preview { shows, renderer, assets, seconds: started.elapsed().as_secs_f64() };
+    let preview = PreviewManifest { shows, renderer, assets, seconds: started.elapsed().as_secs_f64() };
     let page = serde_json::to_vec_pretty(&preview)
         .map_err(|error| RenderError::Encode { what: "preview.json", reason: error.to_string() })?;
     write(INDEX, &page)?;
@@ -151,7 +156,7 @@ pub fn preview(octree: &Path, into: &Path, options: &Options, context: &Context)
 
 /// The turntable, as WebP and on request as MP4.
 fn turn(
-    studio: &mut Studio,
+    studio: &mut OctreeRenderer,
     turntable: &Turntable,
     quality: &Quality,
     into: &Path,

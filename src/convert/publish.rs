@@ -5,12 +5,12 @@
 use std::path::Path;
 
 use super::context::{Context, Stage};
-use super::copc::{self, CopcFile};
+use super::copc::{self, CopcOutput};
 use super::error::{Result, StageError};
 use super::options::{Encoding, LodColor, Options};
 use super::values::block::{COPC, NodeEntry, OCTREE};
-use super::values::finished_files::{Finished, Octree};
-use crate::format::las::GpsTime;
+use super::values::finished_files::{FinishedFile, OctreeContents};
+use crate::format::las::GpsEpoch;
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{self, Generator, Metadata, NodeName};
 use crate::platform::disk::Disk;
@@ -23,12 +23,12 @@ pub struct Completed {
     pub depth: u32,
     /// Bytes of all files.
     pub bytes: u64,
-    pub copc: Option<CopcFile>,
+    pub copc: Option<CopcOutput>,
 }
 
 /// Checks the sums and writes what is missing but for the name.
 pub fn complete(
-    octree: &Octree,
+    octree: &OctreeContents,
     staging: &Path,
     output: &Path,
     options: &Options,
@@ -65,7 +65,7 @@ pub fn complete(
 }
 
 /// Every point is in a node, and every byte belongs to one.
-fn check_sums(octree: &Octree, finished: &Finished, length: u64) -> Result<()> {
+fn check_sums(octree: &OctreeContents, finished: &FinishedFile, length: u64) -> Result<()> {
     let points: u64 = finished.nodes.iter().map(|n| u64::from(n.points)).sum();
     let bytes: u64 = finished.nodes.iter().map(|n| n.size).sum();
     if points + octree.aside != octree.survey.points {
@@ -87,7 +87,12 @@ fn potree_node(entry: &NodeEntry) -> Option<potree::Node> {
     Some(potree::Node { name, child_mask: 0, points: entry.points, offset, size: entry.size })
 }
 
-fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, options: &Options) -> Metadata {
+fn metadata(
+    octree: &OctreeContents,
+    hierarchy: &potree::Hierarchy,
+    output: &Path,
+    options: &Options,
+) -> Metadata {
     let survey = octree.survey;
     let (lattice, cube) = (&survey.lattice, &survey.cube);
     let min: [f64; 3] = std::array::from_fn(|a| lattice.world(a, i64::from(cube.corner[a])));
@@ -102,8 +107,8 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
         crs: survey.crs.clone(),
         gps_time_offset: match survey.gps_time {
             // What all files had before LAS 1.5 needs no word.
-            None | Some(GpsTime::Week | GpsTime::ADJUSTED) => None,
-            Some(GpsTime::Standard { offset }) => Some(offset),
+            None | Some(GpsEpoch::Week | GpsEpoch::ADJUSTED) => None,
+            Some(GpsEpoch::Standard { offset }) => Some(offset),
         },
         hierarchy: HierarchyEntry {
             first_chunk_size: hierarchy.first_chunk_size,
@@ -115,8 +120,8 @@ fn metadata(octree: &Octree, hierarchy: &potree::Hierarchy, output: &Path, optio
         spacing: cube.spacing(),
         bounding_box: BoundingBox { min, max: min.map(|c| c + cube.side()) },
         encoding: match options.encoding {
-            Encoding::Default => potree::Encoding::Default,
-            Encoding::Brotli => potree::Encoding::Brotli,
+            Encoding::Default => potree::PotreeEncoding::Default,
+            Encoding::Brotli => potree::PotreeEncoding::Brotli,
         },
         generator: Some(Generator {
             name: "lodestone".into(),

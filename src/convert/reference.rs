@@ -7,7 +7,7 @@ use crate::octree::lattice::Lattice;
 
 /// A data set's system.
 #[derive(Debug, Default, PartialEq)]
-pub struct Reference {
+pub struct ReferenceSystem {
     /// WKT wherever it is known, or a name; or empty.
     pub crs: String,
     /// For viewers: its horizontal part as a proj4 string, or empty.
@@ -16,11 +16,16 @@ pub struct Reference {
 
 /// The system that was asked for, or the first file's that says something; files
 /// that differ from it are noted.
-pub fn find(files: &[LasFile], asked: Option<&str>, lattice: &Lattice, notes: &mut Vec<String>) -> Reference {
+pub fn find(
+    files: &[LasFile],
+    asked: Option<&str>,
+    lattice: &Lattice,
+    notes: &mut Vec<String>,
+) -> ReferenceSystem {
     if let Some(asked) = asked {
-        return Reference { crs: asked.to_string(), projection: crs::proj4(asked).unwrap_or_default() };
+        return ReferenceSystem { crs: asked.to_string(), projection: crs::proj4(asked).unwrap_or_default() };
     }
-    let mut chosen: Option<Reference> = None;
+    let mut chosen: Option<ReferenceSystem> = None;
     for file in files {
         let Some(found) = &file.header().crs else { continue };
         let name = file.path().display();
@@ -33,7 +38,7 @@ pub fn find(files: &[LasFile], asked: Option<&str>, lattice: &Lattice, notes: &m
                 continue;
             }
             let projection = crs::proj4(&found.text).unwrap_or_default();
-            chosen = Some(Reference { crs: found.text.clone(), projection });
+            chosen = Some(ReferenceSystem { crs: found.text.clone(), projection });
             continue;
         };
         let is_same =

@@ -10,11 +10,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::convert::error::StageError;
-use crate::convert::options::{Mode, Options};
-use crate::convert::outcome::Outcome;
-use crate::convert::request::Request;
+use crate::convert::options::{GuardMode, Options};
+use crate::convert::outcome::ConversionOutcome;
+use crate::convert::request::ConversionRequest;
 use crate::convert::values::counted_inputs::Survey;
-use crate::convert::values::record_range::Reason;
+use crate::convert::values::record_range::SetAsideReason;
 use crate::octree::lattice::Lattice;
 use crate::octree::node::LEAF_LIMIT;
 use crate::octree::outliers;
@@ -24,7 +24,7 @@ use crate::platform::disk::Disk;
 pub const REPORT: &str = "report.json";
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct ConversionReport<'a> {
     lodestone: &'static str,
     options: &'a Options,
     inputs: Vec<ReportedInput<'a>>,
@@ -40,7 +40,7 @@ struct Report<'a> {
     left_out: &'a [String],
     guards: Vec<Guard>,
     #[serde(flatten)]
-    outcome: &'a Outcome,
+    outcome: &'a ConversionOutcome,
 }
 
 /// One file that has points.
@@ -65,7 +65,7 @@ struct ReportedInput<'a> {
 #[derive(Serialize)]
 struct Guard {
     name: &'static str,
-    mode: Mode,
+    mode: GuardMode,
     /// Whether it looked at the points at all; where not, that it found none says nothing.
     looked: bool,
     /// Why it did not.
@@ -77,24 +77,24 @@ struct Guard {
 }
 
 impl Guard {
-    fn new(reason: Reason, outcome: &Outcome, options: &Options) -> Guard {
+    fn new(reason: SetAsideReason, outcome: &ConversionOutcome, options: &Options) -> Guard {
         let threshold = match reason {
-            Reason::Outlier => format!(
+            SetAsideReason::Outlier => format!(
                 "at most {} points, without which the longest side of the box is {} times shorter",
                 outliers::most(outcome.points_in),
                 outliers::SHRINK
             ),
-            Reason::Duplicate => format!("beyond the first {LEAF_LIMIT} points at one position"),
-            Reason::Twin => "beyond the first record of which all attributes are equal".to_string(),
+            SetAsideReason::Duplicate => format!("beyond the first {LEAF_LIMIT} points at one position"),
+            SetAsideReason::Twin => "beyond the first record of which all attributes are equal".to_string(),
         };
         let points = outcome.set_aside.get(&reason).copied().unwrap_or(0);
         let mode = reason.mode(options);
         let why_not = match reason {
-            _ if mode == Mode::Keep => Some("it is switched off (`keep`)"),
-            Reason::Outlier if outliers::most(outcome.points_in) == 0 => {
+            _ if mode == GuardMode::Keep => Some("it is switched off (`keep`)"),
+            SetAsideReason::Outlier if outliers::most(outcome.points_in) == 0 => {
                 Some("there are too few points for one of them to be an outlier")
             }
-            Reason::Outlier | Reason::Duplicate | Reason::Twin => None,
+            SetAsideReason::Outlier | SetAsideReason::Duplicate | SetAsideReason::Twin => None,
         };
         let (name, looked) = (reason.name(), why_not.is_none());
         Guard { name, mode, looked, not_looked_because: why_not, threshold, points }
@@ -104,8 +104,8 @@ impl Guard {
 /// Writes the report into the octree's folder.
 pub fn write(
     survey: &Survey,
-    outcome: &Outcome,
-    request: &Request,
+    outcome: &ConversionOutcome,
+    request: &ConversionRequest,
     folder: &Path,
     disk: &Disk,
 ) -> Result<(), StageError> {
@@ -124,7 +124,7 @@ pub fn write(
             software: &header.software,
         }
     });
-    let report = Report {
+    let report = ConversionReport {
         lodestone: env!("CARGO_PKG_VERSION"),
         options: &request.options,
         inputs: inputs.collect(),
@@ -135,7 +135,10 @@ pub fn write(
         projection: &survey.projection,
         attributes: survey.unified.schema.attributes.iter().map(|a| a.name.as_str()).collect(),
         left_out: &survey.unified.left_out,
-        guards: Reason::ALL.into_iter().map(|reason| Guard::new(reason, outcome, &request.options)).collect(),
+        guards: SetAsideReason::ALL
+            .into_iter()
+            .map(|reason| Guard::new(reason, outcome, &request.options))
+            .collect(),
         outcome,
     };
     let json = serde_json::to_vec_pretty(&report)

@@ -7,7 +7,7 @@ use super::options::Options;
 
 /// What is to be converted into which folder.
 #[derive(Debug, Clone)]
-pub struct Request {
+pub struct ConversionRequest {
     /// Files, folders or `@list` files.
     pub inputs: Vec<PathBuf>,
     /// The octree's folder; made, or replaced in one step.

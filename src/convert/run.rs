@@ -9,21 +9,21 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{notes, report};
-use crate::convert::checkpoint::receipt::Receipt;
+use crate::convert::checkpoint::receipt::JournalEntry;
 use crate::convert::checkpoint::scratch::{Scratch, units_done};
 use crate::convert::context::{Context, Stage};
 use crate::convert::distribute::distribute;
 use crate::convert::error::StageError;
 use crate::convert::index::index;
 use crate::convert::merge::merge;
-use crate::convert::options::{LodColor, Mode};
-pub use crate::convert::outcome::Outcome;
+use crate::convert::options::{GuardMode, LodColor};
+pub use crate::convert::outcome::ConversionOutcome;
 use crate::convert::publish;
-pub use crate::convert::request::Request;
+pub use crate::convert::request::ConversionRequest;
 use crate::convert::set_aside;
 use crate::convert::staging::Staging;
-use crate::convert::survey::{self, Opened};
-use crate::convert::values::finished_files::Octree;
+use crate::convert::survey::{self, OpenedInputs};
+use crate::convert::values::finished_files::OctreeContents;
 use crate::convert::values::record_range;
 use crate::format::inputs;
 use crate::format::las::LasError;
@@ -62,7 +62,7 @@ impl ConductError {
 /// happens, what stood in the output's place before stays until the new octree
 /// is complete. What a conversion out of core has done stays too when it is
 /// stopped, or fails in a way that may pass: asked again, it goes on from there.
-pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductError> {
+pub fn convert(request: &ConversionRequest, context: &Context) -> Result<ConversionOutcome, ConductError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(context.threads)
         .thread_name(|i| format!("convert-{i}"))
@@ -77,7 +77,7 @@ pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductE
     let run = || catch_unwind(AssertUnwindSafe(run_in_pool));
     let mut outcome = run();
     let in_vain = match &outcome {
-        Ok(Err(Ended { error, resumed: true })) => {
+        Ok(Err(EndedConversion { error, resumed: true })) => {
             matches!(error, StageError::Inconsistent(_) | StageError::InputChanged(_))
                 .then(|| error.to_string())
         }
@@ -95,14 +95,14 @@ pub fn convert(request: &Request, context: &Context) -> Result<Outcome, ConductE
     Ok(outcome.unwrap_or_else(|panic| resume_unwind(panic)).map_err(|ended| ended.error)?)
 }
 
-struct Ended {
+struct EndedConversion {
     error: StageError,
     /// Whether it had gone on from an earlier run.
     resumed: bool,
 }
 
-fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
-    let mut traces = Traces::new(context);
+fn run_once(request: &ConversionRequest, context: &Context) -> Result<ConversionOutcome, EndedConversion> {
+    let mut traces = CleanupGuard::new(context);
     let result = run_stages(request, context, &mut traces);
     let resumed = traces.resumed;
     match &result {
@@ -111,7 +111,7 @@ fn run_once(request: &Request, context: &Context) -> Result<Outcome, Ended> {
         Err(error) if may_go_on(error) && units_done(&context.scratch) > 0 => traces.folders.clear(),
         Err(_) => {}
     }
-    result.map_err(|error| Ended { error, resumed })
+    result.map_err(|error| EndedConversion { error, resumed })
 }
 
 /// Whether what is done is of use to the next run.
@@ -126,7 +126,7 @@ fn may_go_on(error: &StageError) -> bool {
 }
 
 /// What a conversion leaves behind if nobody takes it away; also when it panics.
-struct Traces {
+struct CleanupGuard {
     disk: Disk,
     /// Staging until the octree has its name, and scratch; empty until they are ours.
     folders: Vec<PathBuf>,
@@ -136,9 +136,9 @@ struct Traces {
     locks: Vec<Arc<DirLock>>,
 }
 
-impl Traces {
-    fn new(context: &Context) -> Traces {
-        Traces { disk: context.disk.clone(), folders: Vec::new(), resumed: false, locks: Vec::new() }
+impl CleanupGuard {
+    fn new(context: &Context) -> CleanupGuard {
+        CleanupGuard { disk: context.disk.clone(), folders: Vec::new(), resumed: false, locks: Vec::new() }
     }
 
     fn are_ours(&mut self, staging: &Staging, scratch: Option<&Scratch>, context: &Context) {
@@ -150,7 +150,7 @@ impl Traces {
     }
 }
 
-impl Traces {
+impl CleanupGuard {
     /// That name is free now for whoever converts to the same output next, and the
     /// octree for whoever replaces it.
     fn published(&mut self, staging: Staging) {
@@ -159,7 +159,7 @@ impl Traces {
     }
 }
 
-impl Drop for Traces {
+impl Drop for CleanupGuard {
     fn drop(&mut self) {
         // By now another conversion may have a folder of that name.
         let ours = |folder: &&PathBuf| self.locks.iter().any(|lock| lock.is_at(folder));
@@ -171,9 +171,13 @@ impl Drop for Traces {
     }
 }
 
-fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Result<Outcome, StageError> {
+fn run_stages(
+    request: &ConversionRequest,
+    context: &Context,
+    traces: &mut CleanupGuard,
+) -> Result<ConversionOutcome, StageError> {
     let (disk, options) = (&context.disk, &request.options);
-    let mut times = Times::default();
+    let mut times = StageTimes::default();
     limits::forget_peak_memory();
     let taken = request.output.exists() && !request.overwrite;
     if taken && !context.scratch.exists() {
@@ -219,13 +223,13 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     statistics.merge(&merged.statistics);
     let set_aside = record_range::tally(&aside);
     let points_aside = set_aside.values().sum();
-    let dropped = set_aside.iter().filter(|(reason, _)| reason.mode(options) == Mode::Drop);
+    let dropped = set_aside.iter().filter(|(reason, _)| reason.mode(options) == GuardMode::Drop);
     let points_dropped = dropped.map(|(_, points)| points).sum();
     let completed = times.measure(Stage::Publish, || {
         for input in &survey.inputs {
             input.las.check_unchanged()?;
         }
-        let octree = Octree {
+        let octree = OctreeContents {
             survey: &survey,
             files: &files.finish()?,
             statistics: &statistics,
@@ -242,7 +246,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
         let promised = survey.points + survey.missing;
         format!("{} of the {promised} points that the input promises could not be read", survey.missing)
     }));
-    let outcome = Outcome {
+    let outcome = ConversionOutcome {
         files: paths.len() as u64,
         points_in: survey.points,
         points_out: merged.points,
@@ -271,7 +275,7 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
     report::write(&survey, &outcome, request, &staging.folder, disk)?;
     if let Some(scratch) = &scratch {
         let (inode, outcome) = (staging.inode()?, serde_json::to_string(&outcome).unwrap_or_default());
-        scratch.receipt(&Receipt::Finished { inode, outcome })?;
+        scratch.receipt(&JournalEntry::Finished { inode, outcome })?;
         scratch.sync()?;
     }
     publish::swap_in(disk, &staging.folder, &request.output, request.overwrite)?;
@@ -284,9 +288,9 @@ fn run_stages(request: &Request, context: &Context, traces: &mut Traces) -> Resu
 /// The scratch folder of a cloud that does not fit the memory, with what an
 /// earlier run of the same conversion left there.
 fn open_scratch(
-    request: &Request,
+    request: &ConversionRequest,
     context: &Context,
-    opened: &Opened,
+    opened: &OpenedInputs,
     staging: &Staging,
 ) -> Result<Option<Arc<Scratch>>, StageError> {
     if opened.in_core {
@@ -304,7 +308,7 @@ fn open_scratch(
 
 /// The outcome of an earlier run that died after it had given the octree its
 /// name.
-fn finished_before(request: &Request, scratch: &Scratch) -> Option<Outcome> {
+fn finished_before(request: &ConversionRequest, scratch: &Scratch) -> Option<ConversionOutcome> {
     let (inode, outcome) = scratch.past.finished.as_ref()?;
     if disk::inode(&request.output).ok() != Some(*inode) {
         return None;
@@ -314,12 +318,12 @@ fn finished_before(request: &Request, scratch: &Scratch) -> Option<Outcome> {
 
 /// Wall time and memory by stage.
 #[derive(Default)]
-struct Times {
+struct StageTimes {
     seconds: BTreeMap<Stage, f64>,
     peaks: BTreeMap<Stage, u64>,
 }
 
-impl Times {
+impl StageTimes {
     fn measure<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();

@@ -9,12 +9,12 @@ use std::path::Path;
 
 use super::context::{Context, Stage};
 use super::error::{Result, StageError};
-use super::options::{Mode, Options};
+use super::options::{GuardMode, Options};
 use super::values::counted_inputs::Survey;
-use super::values::input_slice::Input;
-use super::values::record_range::{ExcludedRange, Part};
+use super::values::input_slice::ConversionInput;
+use super::values::record_range::{ExcludedRange, RunSegment};
 use super::values::runs::Runs;
-use crate::format::las::{GpsTime, LasFile, LasOptions, LasWriter};
+use crate::format::las::{GpsEpoch, LasFile, LasOptions, LasWriter};
 use crate::octree::attribute::{ExtraField, Scalar};
 
 /// The file's name; where inputs differ in their layout, each layout gets one,
@@ -35,8 +35,8 @@ pub fn write(
     context: &Context,
 ) -> Result<Vec<String>> {
     let written: Vec<ExcludedRange> =
-        ranges.iter().copied().filter(|range| range.reason.mode(options) == Mode::SetAside).collect();
-    let mut layouts: Vec<&Input> = Vec::new();
+        ranges.iter().copied().filter(|range| range.reason.mode(options) == GuardMode::SetAside).collect();
+    let mut layouts: Vec<&ConversionInput> = Vec::new();
     for range in &written {
         let input = input_of(survey, runs, range);
         if !layouts.iter().any(|other| other.layout == input.layout) {
@@ -80,7 +80,7 @@ fn check_sum(points: u64, there: u64) -> Result<()> {
     }
 }
 
-fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &ExcludedRange) -> &'s Input {
+fn input_of<'s>(survey: &'s Survey, runs: &Runs, range: &ExcludedRange) -> &'s ConversionInput {
     &survey.inputs[runs.runs[range.run as usize].input]
 }
 
@@ -89,7 +89,7 @@ fn is_compressible(format: u8) -> bool {
     !matches!(format, 4 | 5 | 9 | 10)
 }
 
-fn las_options(input: &Input) -> LasOptions {
+fn las_options(input: &ConversionInput) -> LasOptions {
     let header = input.las.header();
     let mut extra = header.extra.clone();
     // A file of points that were set aside may be converted in its turn.
@@ -110,7 +110,7 @@ fn las_options(input: &Input) -> LasOptions {
     LasOptions {
         // Only LAS 1.5 can say what unusual GPS times count from.
         version: match input.las.own_gps_time() {
-            GpsTime::Standard { offset } if offset != 1000 && header.point_format >= 6 => (1, 5),
+            GpsEpoch::Standard { offset } if offset != 1000 && header.point_format >= 6 => (1, 5),
             _ => (1, 4),
         },
         point_format: header.point_format,
@@ -128,7 +128,7 @@ const BLOCK: u32 = 1 << 16;
 
 fn append(
     writer: &mut LasWriter,
-    input: &Input,
+    input: &ConversionInput,
     runs: &Runs,
     range: &ExcludedRange,
     context: &Context,
@@ -142,7 +142,7 @@ fn append(
             return Err(StageError::Cancelled);
         }
         let points = BLOCK.min(range.points - done);
-        let part = Part { run: range.run, first: range.first + done, points };
+        let part = RunSegment { run: range.run, first: range.first + done, points };
         let raw = runs.records(part, length, &mut buffer)?;
         records.clear();
         for record in raw.chunks_exact(length) {

@@ -11,7 +11,7 @@ use super::copc;
 use super::error::{Result, StageError};
 use super::folder_names::staging_folder;
 use super::free_space::check_free_space;
-use super::octree_writer::{OutputFiles, Target};
+use super::octree_writer::{OutputFiles, PointFile};
 use super::options::{Encoding, Options};
 use super::values::block::{COPC, OCTREE};
 use super::values::counted_inputs::Survey;
@@ -64,10 +64,10 @@ impl Staging {
         let paths = self.points(options, output);
         let bytes = survey.points * survey.unified.schema.record_size() as u64;
         let mut missing = 0;
-        let mut open = |file: usize, start: u64, needed: u64| -> Result<Target> {
+        let mut open = |file: usize, start: u64, needed: u64| -> Result<PointFile> {
             let opened = disk.reopen(&paths[file])?;
             missing += needed.saturating_sub(opened.allocated()?);
-            Ok(Target { file: opened, start })
+            Ok(PointFile { file: opened, start })
         };
         let mut targets = [None, None];
         if options.format.potree {

@@ -10,31 +10,31 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use super::checkpoint::receipt::{self, Identity};
+use super::checkpoint::receipt::{self, ConversionKey};
 use super::checkpoint::scratch::Scratch;
 use super::context::Context;
-use super::counting::Counter;
+use super::counting::CountingPasses;
 use super::error::{Result, StageError};
 use super::gps_times;
 use super::guards::damaged_input;
 use super::memory_estimate::chunk_memory;
 use super::options::{Damaged, Options};
-use super::reference::{self, Reference};
+use super::reference::{self, ReferenceSystem};
 use super::values::coordinate_frame::CoordinateFrame;
 use super::values::copc_plan::CopcPlan;
 use super::values::counted_inputs::Survey;
 use super::values::counting_result::CountingResult;
-use super::values::inlier_region::Region;
-use super::values::input_slice::{CachedRecords, Input, InputSlice};
+use super::values::inlier_region::InlierRegion;
+use super::values::input_slice::{CachedRecords, ConversionInput, InputSlice};
 use super::workers;
-use crate::format::las::{GpsTime, LasFile};
-use crate::octree::chunk_plan::{self, Plan};
-use crate::octree::record::{self, Source, Unified};
+use crate::format::las::{GpsEpoch, LasFile};
+use crate::octree::chunk_plan::{self, ChunkPlan};
+use crate::octree::record::{self, RecordFormat, UnifiedSchema};
 
 /// The inputs with their headers read, and how they will be gone through.
-pub struct Opened {
+pub struct OpenedInputs {
     files: Vec<LasFile>,
-    gps_time: Option<GpsTime>,
+    gps_time: Option<GpsEpoch>,
     units: Vec<InputSlice>,
     points: u64,
     missing: u64,
@@ -47,8 +47,8 @@ pub struct Opened {
 }
 
 /// Opens the inputs, each a file.
-pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<Opened> {
-    let Files { mut files, missing, repairs, mut notes } = open_all(paths, options.damaged, context)?;
+pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<OpenedInputs> {
+    let ReadableFiles { mut files, missing, repairs, mut notes } = open_all(paths, options.damaged, context)?;
     let gps_time = gps_times::bring_together(&mut files, options.format, &mut notes)?;
     let points: u64 = files.iter().map(|f| f.header().points).sum();
     if points == 0 {
@@ -57,13 +57,13 @@ pub fn open(paths: &[PathBuf], options: &Options, context: &Context) -> Result<O
     }
     let units = cut_into_units(&files, points);
     let in_core = fits_in_core(&files, &units, points, options, context);
-    Ok(Opened { files, gps_time, units, points, missing, in_core, repairs, notes })
+    Ok(OpenedInputs { files, gps_time, units, points, missing, in_core, repairs, notes })
 }
 
-impl Opened {
+impl OpenedInputs {
     /// What tells this conversion from any other: the program, the options, the
     /// inputs as they are now, and where the octree goes.
-    pub fn identity(&self, options: &Options, output: &Path) -> Identity {
+    pub fn identity(&self, options: &Options, output: &Path) -> ConversionKey {
         let mut hasher = blake3::Hasher::new();
         let mut add = |bytes: &[u8]| {
             hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -84,28 +84,28 @@ impl Opened {
 /// Surveys the inputs. Out of core, decoded LAZ goes to the scratch, and what
 /// an earlier run put there is not decoded again.
 pub fn survey(
-    opened: Opened,
+    opened: OpenedInputs,
     options: &Options,
     scratch: Option<&Scratch>,
     context: &Context,
 ) -> Result<Survey> {
-    let Opened { files, gps_time, units, points, missing, in_core, mut repairs, mut notes } = opened;
-    let sources: Vec<Source> = files
+    let OpenedInputs { files, gps_time, units, points, missing, in_core, mut repairs, mut notes } = opened;
+    let sources: Vec<RecordFormat> = files
         .iter()
-        .map(|f| Source {
+        .map(|f| RecordFormat {
             format: f.header().point_format,
             record_length: f.header().record_length,
             extra: f.header().extra.clone(),
         })
         .collect();
-    let counter = Counter {
+    let counter = CountingPasses {
         files: &files,
         units: &units,
         keep: in_core,
         scratch,
         context,
         guard: options.outliers,
-        region: Region::default(),
+        region: InlierRegion::default(),
     };
     let (findings, base) =
         counter.findings(points).map_err(|error| damaged_input::explain(error, context))?;
@@ -114,23 +114,24 @@ pub fn survey(
     notes.extend(odd);
     let limit = chunk_plan::chunk_limit(points);
 
-    let ored: Vec<(Source, Vec<u8>)> =
+    let ored: Vec<(RecordFormat, Vec<u8>)> =
         sources.iter().cloned().zip(found.into_iter().map(|f| f.ored)).collect();
-    let mut unified = Unified::new(&ored, &options.attributes, options.lod_color.second());
+    let mut unified = UnifiedSchema::new(&ored, &options.attributes, options.lod_color.second());
     check_wanted(options, &unified)?;
     let CoordinateFrame { lattice, requantise, cube } = base;
     let position = &mut unified.schema.attributes[0];
     (position.scale, position.offset) = (lattice.scale.to_vec(), lattice.offset.to_vec());
-    let Reference { crs, projection } = reference::find(&files, options.crs.as_deref(), &lattice, &mut notes);
+    let ReferenceSystem { crs, projection } =
+        reference::find(&files, options.crs.as_deref(), &lattice, &mut notes);
     let layouts = layouts(&files, &sources);
     let inputs = files
         .into_iter()
         .zip(sources)
         .zip(requantise)
         .zip(layouts)
-        .map(|(((las, source), requantise), layout)| Input { las, source, requantise, layout });
-    let plan = Plan::new(census, limit);
-    let inputs: Vec<Input> = inputs.collect();
+        .map(|(((las, source), requantise), layout)| ConversionInput { las, source, requantise, layout });
+    let plan = ChunkPlan::new(census, limit);
+    let inputs: Vec<ConversionInput> = inputs.collect();
     let mut survey = Survey {
         inputs,
         units,
@@ -156,7 +157,7 @@ pub fn survey(
 }
 
 /// The inputs that have points, what they lack, and what is odd about all.
-struct Files {
+struct ReadableFiles {
     files: Vec<LasFile>,
     missing: u64,
     repairs: Vec<String>,
@@ -164,7 +165,7 @@ struct Files {
 }
 
 /// Opens all files; those without points are left out.
-fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Files> {
+fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<ReadableFiles> {
     let opened: Vec<Mutex<Option<LasFile>>> = paths.iter().map(|_| Mutex::new(None)).collect();
     workers::in_order(
         context.threads,
@@ -193,7 +194,7 @@ fn open_all(paths: &[PathBuf], damaged: Damaged, context: &Context) -> Result<Fi
             notes.push(format!("{name}: holds no points"));
         }
     }
-    Ok(Files { files, missing, repairs, notes })
+    Ok(ReadableFiles { files, missing, repairs, notes })
 }
 
 /// Slices of a cloud, but for the longest of records, and a cloud of many files.
@@ -246,7 +247,7 @@ fn fits_in_core(
 
 /// For each input the first that has the same fields, scale, offset and kind of GPS
 /// times.
-fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
+fn layouts(files: &[LasFile], sources: &[RecordFormat]) -> Vec<usize> {
     // Tiles by the thousand may each have their own offset.
     let mut by_grid: HashMap<[u64; 6], Vec<usize>> = HashMap::new();
     let layout = |input: usize| {
@@ -265,7 +266,7 @@ fn layouts(files: &[LasFile], sources: &[Source]) -> Vec<usize> {
 }
 
 /// A name that was asked for must exist somewhere, used or not.
-fn check_wanted(options: &Options, unified: &Unified) -> Result<()> {
+fn check_wanted(options: &Options, unified: &UnifiedSchema) -> Result<()> {
     if record::is_auto(&options.attributes) {
         return Ok(());
     }

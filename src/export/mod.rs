@@ -19,7 +19,7 @@ pub use points::export;
 
 /// What is to be exported.
 #[derive(Debug, Clone)]
-pub struct Request {
+pub struct ExportRequest {
     /// An octree's folder, or a COPC file.
     pub source: PathBuf,
     /// A LAS or LAZ file, by its ending.

@@ -15,12 +15,12 @@ use serde_json::Value;
 use super::ExportError;
 use crate::convert::context::Context;
 use crate::convert::formats::Formats;
-use crate::convert::options::{Mode, Options};
-use crate::convert::request::Request;
+use crate::convert::options::{GuardMode, Options};
+use crate::convert::request::ConversionRequest;
 use crate::convert::run;
-use crate::format::copc::{CopcFile, ENDING, Entry};
+use crate::format::copc::{CopcEntry, CopcFile, ENDING};
 use crate::format::finished::copc_in;
-use crate::format::las::{GpsTime, LasFile, LasOptions, LasWriter, record_length};
+use crate::format::las::{GpsEpoch, LasFile, LasOptions, LasWriter, record_length};
 
 /// Points of an overview at most, but for one of each node.
 const MAX_POINTS: u64 = 1_000_000;
@@ -120,7 +120,7 @@ fn named_so(folder: &Path, stem: &str) -> Vec<PathBuf> {
 /// What is looked at of a file to choose its points.
 struct Member {
     path: PathBuf,
-    gps_time: GpsTime,
+    gps_time: GpsEpoch,
     points: u64,
     /// What it covers of the ground, in square units of its system.
     area: f64,
@@ -228,7 +228,7 @@ fn limit(levels: &[u64], mut room: f64) -> Limit {
 
 /// Points that are taken of a node with so many; of a root at least one, so that every file
 /// is seen.
-fn taken(entry: &Entry, (finest, part): Limit) -> u32 {
+fn taken(entry: &CopcEntry, (finest, part): Limit) -> u32 {
     let most = entry.points.min(MAX_NODE_POINTS);
     let count = match entry.key.level.cmp(&finest) {
         Ordering::Less => most,
@@ -263,12 +263,12 @@ fn write(
         name: Some(name.strip_suffix(ENDING).unwrap_or(&name).to_string()),
         crs: Some(crs.to_string()).filter(|crs| crs.contains('[')),
         // Few points of many clouds far apart are no outliers.
-        outliers: Mode::Keep,
-        duplicates: Mode::Keep,
+        outliers: GuardMode::Keep,
+        duplicates: GuardMode::Keep,
         ..Options::default()
     };
     let output = scratch.join("made");
-    let request = Request {
+    let request = ConversionRequest {
         inputs,
         output: output.clone(),
         overwrite: true,
@@ -306,7 +306,7 @@ fn thin(
         software: format!("lodestone {}", env!("CARGO_PKG_VERSION")),
     };
     let mut writer = LasWriter::create_on(&context.disk, input, &options)?;
-    writer.set_gps_time(if has_times { member.gps_time } else { GpsTime::Week });
+    writer.set_gps_time(if has_times { member.gps_time } else { GpsEpoch::Week });
     let mut reader = file.reader()?;
     for entry in file.nodes().iter().filter(|entry| entry.points > 0) {
         let count = taken(entry, limit) as usize;
@@ -335,7 +335,7 @@ mod tests {
     use super::*;
 
     fn member(points: u64, area: f64, levels: &[u64]) -> Member {
-        Member { path: PathBuf::new(), gps_time: GpsTime::Week, points, area, levels: levels.to_vec() }
+        Member { path: PathBuf::new(), gps_time: GpsEpoch::Week, points, area, levels: levels.to_vec() }
     }
 
     #[test]
@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn nodes_give_no_more_than_their_part() {
-        let entry = |level: u8, points: u32| Entry {
+        let entry = |level: u8, points: u32| CopcEntry {
             key: crate::octree::node::NodeKey { level, at: [0; 3] },
             offset: 0,
             size: 0,

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::cloud::{Cloud, Node};
+use super::cloud::{CloudReader, PlacedNode};
 use super::pick::Pick;
-use super::{ExportError, Exported, Request};
-use crate::format::copc::{Described, Layout};
-use crate::format::las::{GpsTime, LasOptions, LasWriter};
+use super::{ExportError, ExportRequest, Exported};
+use crate::format::copc::{Described, RecordLayout};
+use crate::format::las::{GpsEpoch, LasOptions, LasWriter};
 use crate::octree::record::raw_position;
 use crate::platform::disk::Disk;
 
@@ -19,22 +19,23 @@ use crate::platform::disk::Disk;
 /// # Errors
 /// Where the source cannot be read, the output not written, or a value does not fit the
 /// point format.
-pub fn export(request: &Request) -> Result<Exported, ExportError> {
+pub fn export(request: &ExportRequest) -> Result<Exported, ExportError> {
     let is_compressed = match ending(&request.output).as_deref() {
         Some("laz") => true,
         Some("las") => false,
         _ => return Err(ExportError::Ending(request.output.clone())),
     };
-    let cloud = Cloud::open(&request.source, request.memory_limit)?;
+    let cloud = CloudReader::open(&request.source, request.memory_limit)?;
     if is_same(&request.source, &request.output) {
         return Err(ExportError::Itself(request.output.clone()));
     }
     let pick = Pick::new(&cloud.schema, cloud.has_averages);
     let layout = match request.point_format {
-        Some(format) => Layout::of_format(&pick.schema, &Described::default(), format)?,
-        None => Layout::of_las(&pick.schema, &Described::default(), cloud.fits_legacy)?,
+        Some(format) => RecordLayout::of_format(&pick.schema, &Described::default(), format)?,
+        None => RecordLayout::of_las(&pick.schema, &Described::default(), cloud.fits_legacy)?,
     };
-    let nodes: Vec<&Node> = cloud.nodes.iter().filter(|node| is_wanted(&cloud, node, request)).collect();
+    let nodes: Vec<&PlacedNode> =
+        cloud.nodes.iter().filter(|node| is_wanted(&cloud, node, request)).collect();
     let points = nodes.iter().map(|node| u64::from(node.points)).sum();
     let options = options(&cloud, &layout, is_compressed, points)?;
     let disk = Disk::new();
@@ -54,12 +55,12 @@ pub fn export(request: &Request) -> Result<Exported, ExportError> {
 }
 
 fn write(
-    cloud: &Cloud,
-    nodes: &[&Node],
+    cloud: &CloudReader,
+    nodes: &[&PlacedNode],
     pick: &Pick,
-    layout: &Layout,
+    layout: &RecordLayout,
     options: &LasOptions,
-    request: &Request,
+    request: &ExportRequest,
     (disk, part): (&Disk, &Path),
 ) -> Result<u64, ExportError> {
     let mut writer = LasWriter::create_on(disk, part, options)?;
@@ -76,7 +77,7 @@ fn write(
         });
         let (batch, later) = rest.split_at(fits.count().clamp(1, rest.len()));
         rest = later;
-        let read = |node: &&Node| -> Result<Vec<u8>, ExportError> {
+        let read = |node: &&PlacedNode| -> Result<Vec<u8>, ExportError> {
             let mut records = pick.apply(cloud.read(node)?);
             if let Some(bounds) = request.bounds {
                 records = within(cloud, &records, pick.schema.record_size(), bounds);
@@ -99,7 +100,7 @@ fn write(
 }
 
 /// Whether a node may have points that are wanted.
-fn is_wanted(cloud: &Cloud, node: &Node, request: &Request) -> bool {
+fn is_wanted(cloud: &CloudReader, node: &PlacedNode, request: &ExportRequest) -> bool {
     if node.points == 0 || request.level.is_some_and(|level| node.level > level) {
         return false;
     }
@@ -114,7 +115,7 @@ fn is_wanted(cloud: &Cloud, node: &Node, request: &Request) -> bool {
 }
 
 /// The records within a box of world coordinates, faces included.
-fn within(cloud: &Cloud, records: &[u8], size: usize, (low, high): ([f64; 3], [f64; 3])) -> Vec<u8> {
+fn within(cloud: &CloudReader, records: &[u8], size: usize, (low, high): ([f64; 3], [f64; 3])) -> Vec<u8> {
     let mut inside = Vec::new();
     for record in records.chunks_exact(size) {
         let stored = raw_position(record);
@@ -129,10 +130,15 @@ fn within(cloud: &Cloud, records: &[u8], size: usize, (low, high): ([f64; 3], [f
     inside
 }
 
-fn options(cloud: &Cloud, layout: &Layout, compressed: bool, points: u64) -> Result<LasOptions, ExportError> {
+fn options(
+    cloud: &CloudReader,
+    layout: &RecordLayout,
+    compressed: bool,
+    points: u64,
+) -> Result<LasOptions, ExportError> {
     let format = layout.point_format();
     let is_unusual =
-        matches!(cloud.gps_time, GpsTime::Standard { .. }) && cloud.gps_time != GpsTime::ADJUSTED;
+        matches!(cloud.gps_time, GpsEpoch::Standard { .. }) && cloud.gps_time != GpsEpoch::ADJUSTED;
     if is_unusual && format < 6 {
         let what = format!("GPS times that are {} need LAS 1.5", cloud.gps_time.describe());
         return Err(ExportError::Misfit { what, instead: roomy(format) });

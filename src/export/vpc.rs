@@ -11,7 +11,7 @@ use super::overview::Overview;
 use crate::format::copc::{CopcFile, ENDING};
 use crate::format::crs::ToDegrees;
 use crate::format::finished::copc_in;
-use crate::format::las::GpsTime;
+use crate::format::las::GpsEpoch;
 use crate::octree::attribute::Scalar;
 
 /// Points on an edge of a box whose place on Earth is looked up: edges are curves there.
@@ -251,7 +251,7 @@ fn statistics(file: &CopcFile, columns: &[(String, &'static str, usize)]) -> Opt
 /// else the day on which the inputs were made, else the beginning of 1970.
 fn datetime(file: &CopcFile) -> String {
     let first = file.front.info.time.0;
-    if file.header.gps_time == GpsTime::ADJUSTED && first.is_finite() && first != 0.0 {
+    if file.header.gps_time == GpsEpoch::ADJUSTED && first.is_finite() && first != 0.0 {
         return moment((first + ADJUSTED + GPS_EPOCH - LEAP_SECONDS).clamp(0.0, 1e11) as i64);
     }
     match file.header.created {

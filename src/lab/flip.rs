@@ -27,7 +27,7 @@ const XYZ: [[f64; 3]; 3] = [
 const WHITE: [f64; 3] = [0.950428545, 1.0, 1.088900371];
 
 /// A picture, as others are held against it.
-pub struct Reference {
+pub struct ReferencePicture {
     size: [usize; 2],
     seen: Vec<[f64; 3]>,
     features: Vec<[f64; 2]>,
@@ -37,15 +37,15 @@ pub struct Reference {
 /// The mean ꟻLIP error of two pictures of one size, from 0 to 1. Pixels are
 /// red, green, blue and alpha, which is not looked at.
 pub fn mean(width: usize, reference: &[[u8; 4]], test: &[[u8; 4]]) -> f64 {
-    Reference::new(width, reference).mean(test)
+    ReferencePicture::new(width, reference).mean(test)
 }
 
-impl Reference {
-    pub fn new(width: usize, pixels: &[[u8; 4]]) -> Reference {
+impl ReferencePicture {
+    pub fn new(width: usize, pixels: &[[u8; 4]]) -> ReferencePicture {
         let size = [width, pixels.len() / width.max(1)];
         let plane = Plane3::opponent(size, pixels);
         let largest = hyab(hunt([0.0, 1.0, 0.0]), hunt([0.0, 0.0, 1.0])).powf(QC);
-        Reference { size, seen: plane.seen(size), features: features(&plane.0[0], size), largest }
+        ReferencePicture { size, seen: plane.seen(size), features: features(&plane.0[0], size), largest }
     }
 
     /// The mean ꟻLIP error of another picture of that size.
@@ -75,14 +75,14 @@ pub fn pixel_error(reference: &[[u8; 4]], test: &[[u8; 4]]) -> f64 {
     sum / (3 * reference.len().max(1)) as f64
 }
 
-type Plane = Vec<f64>;
+type Channel = Vec<f64>;
 
 /// A picture in three channels: lightness, red to green, blue to yellow.
-struct Plane3([Plane; 3]);
+struct Plane3([Channel; 3]);
 
 impl Plane3 {
     fn opponent(size: [usize; 2], pixels: &[[u8; 4]]) -> Plane3 {
-        let mut planes: [Plane; 3] = std::array::from_fn(|_| Vec::with_capacity(size[0] * size[1]));
+        let mut planes: [Channel; 3] = std::array::from_fn(|_| Vec::with_capacity(size[0] * size[1]));
         let linear: Vec<f64> = (0..=255u8).map(linear).collect();
         for pixel in pixels {
             let rgb = std::array::from_fn(|i| linear[usize::from(pixel[i])]);
@@ -99,11 +99,11 @@ impl Plane3 {
         // Weights and widths of one or two bells a channel.
         let bells: [&[[f64; 2]]; 3] = [&[[1.0, 0.0047]], &[[1.0, 0.0053]], &[[34.1, 0.04], [13.5, 0.025]]];
         let radius = (3.0 * (0.04 / (2.0 * PI2)).sqrt() * PIXELS_A_DEGREE).ceil() as i64;
-        let blurred: [Plane; 3] = std::array::from_fn(|channel| {
+        let blurred: [Channel; 3] = std::array::from_fn(|channel| {
             let mut sum = vec![0.0; self.0[channel].len()];
             let mut total = 0.0;
             for &[weight, width] in bells[channel] {
-                let bell: Plane = (-radius..=radius)
+                let bell: Channel = (-radius..=radius)
                     .map(|x| (-PI2 * (x as f64 / PIXELS_A_DEGREE).powi(2) / width).exp())
                     .collect();
                 let weight = weight * (std::f64::consts::PI / width).sqrt();
@@ -130,18 +130,18 @@ impl Plane3 {
 const PI2: f64 = std::f64::consts::PI * std::f64::consts::PI;
 
 /// How much of an edge and of a dot each pixel is.
-fn features(lightness: &Plane, size: [usize; 2]) -> Vec<[f64; 2]> {
-    let grey: Plane = lightness.iter().map(|l| (l + 16.0) / 116.0).collect();
+fn features(lightness: &Channel, size: [usize; 2]) -> Vec<[f64; 2]> {
+    let grey: Channel = lightness.iter().map(|l| (l + 16.0) / 116.0).collect();
     let deviation = 0.5 * FEATURE * PIXELS_A_DEGREE;
     let radius = (3.0 * deviation).ceil() as i64;
-    let bell: Plane =
+    let bell: Channel =
         (-radius..=radius).map(|x| (-(x * x) as f64 / (2.0 * deviation * deviation)).exp()).collect();
-    let derived = |order: u32| -> Plane {
+    let derived = |order: u32| -> Channel {
         let value = |x: i64| match order {
             1 => -x as f64,
             _ => (x * x) as f64 / (deviation * deviation) - 1.0,
         };
-        let mut weights: Plane = (-radius..=radius).zip(&bell).map(|(x, g)| value(x) * g).collect();
+        let mut weights: Channel = (-radius..=radius).zip(&bell).map(|(x, g)| value(x) * g).collect();
         // Both signs sum to one over the square kernel.
         let across: f64 = bell.iter().sum();
         let side = |sign: f64| weights.iter().map(|w| (w * sign).max(0.0)).sum::<f64>() * across;
@@ -149,7 +149,7 @@ fn features(lightness: &Plane, size: [usize; 2]) -> Vec<[f64; 2]> {
         weights.iter_mut().for_each(|w| *w /= if *w < 0.0 { minus } else { plus });
         weights
     };
-    let strength = |order: u32| -> Plane {
+    let strength = |order: u32| -> Channel {
         let weights = derived(order);
         let x = convolve(&grey, size, &weights, &bell);
         let y = convolve(&grey, size, &bell, &weights);
@@ -160,19 +160,19 @@ fn features(lightness: &Plane, size: [usize; 2]) -> Vec<[f64; 2]> {
 
 /// Along the rows, then along the columns; the border goes on as it ends. Both
 /// add whole rows, a weight at a time.
-fn convolve(plane: &Plane, [width, _]: [usize; 2], across: &[f64], down: &[f64]) -> Plane {
+fn convolve(plane: &Channel, [width, _]: [usize; 2], across: &[f64], down: &[f64]) -> Channel {
     let add = |row: &mut [f64], other: &[f64], weight: f64| {
         row.iter_mut().zip(other).for_each(|(sum, value)| *sum += weight * value);
     };
     if plane.is_empty() || width == 0 {
-        return Plane::new();
+        return Channel::new();
     }
     let mut rows = vec![0.0; plane.len()];
     rows.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(row, from)| {
         let radius = across.len() / 2;
         let (first, last) = (from[0], from[width - 1]);
         let ends = |value: f64| std::iter::repeat_n(value, radius);
-        let longer: Plane = ends(first).chain(from.iter().copied()).chain(ends(last)).collect();
+        let longer: Channel = ends(first).chain(from.iter().copied()).chain(ends(last)).collect();
         across.iter().enumerate().for_each(|(k, weight)| add(row, &longer[k..], *weight));
     });
     let height = plane.len() / width;

@@ -13,7 +13,7 @@ use crate::platform::limits;
 
 /// What a run took.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Run {
+pub struct ProcessRun {
     /// Seconds from start to end.
     pub wall: f64,
     /// Seconds of processor, user and system, all threads.
@@ -32,20 +32,20 @@ const TICKS: f64 = 100.0;
 
 /// How a command ended, and what it took until then.
 #[derive(Debug, Clone, Copy)]
-pub struct Ended {
-    pub run: Run,
+pub struct ProcessEnd {
+    pub run: ProcessRun,
     pub status: ExitStatus,
     /// Whether it was killed because its time was up.
     pub late: bool,
 }
 
 /// Runs a command to its end; one that fails is an error.
-pub fn run(command: &mut Command) -> io::Result<Run> {
+pub fn run(command: &mut Command) -> io::Result<ProcessRun> {
     run_until(command, &Cancel::default())
 }
 
 /// The same, unless it is called off before.
-pub fn run_until(command: &mut Command, cancel: &Cancel) -> io::Result<Run> {
+pub fn run_until(command: &mut Command, cancel: &Cancel) -> io::Result<ProcessRun> {
     let ended = run_within(command.stdout(Stdio::null()), Duration::MAX, cancel)?;
     if !ended.status.success() {
         return Err(io::Error::other(format!("{command:?} ended with {}", ended.status)));
@@ -55,7 +55,7 @@ pub fn run_until(command: &mut Command, cancel: &Cancel) -> io::Result<Run> {
 
 /// Runs a command to its end, whatever that is, or until its time is up. Called
 /// off, it is killed, and that is an error.
-pub fn run_within(command: &mut Command, limit: Duration, cancel: &Cancel) -> io::Result<Ended> {
+pub fn run_within(command: &mut Command, limit: Duration, cancel: &Cancel) -> io::Result<ProcessEnd> {
     let start = Instant::now();
     let mut child = command.stdin(Stdio::null()).spawn()?;
     let id = Pid::from_child(&child);
@@ -78,7 +78,7 @@ pub fn run_within(command: &mut Command, limit: Duration, cancel: &Cancel) -> io
     let wall = start.elapsed().as_secs_f64();
     let cpu = processor_time(child.id())?;
     let status = child.wait()?;
-    Ok(Ended { run: Run { wall, cpu, peak }, status, late })
+    Ok(ProcessEnd { run: ProcessRun { wall, cpu, peak }, status, late })
 }
 
 /// User and system seconds (fields 14 and 15 of proc(5)'s stat), in steps of a

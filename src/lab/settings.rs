@@ -7,19 +7,19 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use super::process::{self, Ended};
+use super::process::{self, ProcessEnd};
 use crate::convert::context::Cancel;
 use crate::format::inputs::InputsError;
 use crate::format::las::LasError;
 use crate::format::potree::PotreeError;
-use crate::lab::synth::{Kind, Recipe};
+use crate::lab::synth::{Recipe, SceneKind};
 use crate::render::RenderError;
 
 /// The point format of all clouds: colours, 26 bytes.
 const FORMAT: &str = "2";
 
 #[derive(Debug, Clone)]
-pub struct Means {
+pub struct BenchmarkSettings {
     /// The program that converts: this one.
     pub program: PathBuf,
     pub threads: usize,
@@ -67,7 +67,7 @@ pub enum MeasureError {
 
 pub type Result<T> = std::result::Result<T, MeasureError>;
 
-impl Means {
+impl BenchmarkSettings {
     pub fn go_on(&self) -> Result<()> {
         if self.cancel.is_cancelled() { Err(MeasureError::Stopped) } else { Ok(()) }
     }
@@ -93,7 +93,7 @@ impl Means {
         command.args(["--share", &share.to_string(), "--span", &span.to_string()]);
         command.args(twins.then_some("--twins")).args(teapot.then_some("--teapot"));
         // The scene of many tiles makes a folder of its own.
-        let output = if kind == Kind::Strips { folder.to_path_buf() } else { folder.join("cloud.las") };
+        let output = if kind == SceneKind::Strips { folder.to_path_buf() } else { folder.join("cloud.las") };
         command.arg("-o").arg(output);
         let made = process::run_until(&mut command, &self.cancel);
         self.ended(&format!("making {title}"), made)?;
@@ -109,7 +109,7 @@ impl Means {
         octree: &Path,
         words: &Path,
         patience: Duration,
-    ) -> Result<Ended> {
+    ) -> Result<ProcessEnd> {
         let file = File::create(words);
         let file = file.map_err(|source| MeasureError::Folder { path: words.to_path_buf(), source })?;
         let mut command = Command::new(&self.program);
@@ -121,14 +121,14 @@ impl Means {
 }
 
 /// A folder that all happens in; it goes when this does.
-pub struct Place(PathBuf);
+pub struct WorkFolder(PathBuf);
 
-impl Place {
-    pub fn new(means: &Means) -> Result<Place> {
+impl WorkFolder {
+    pub fn new(means: &BenchmarkSettings) -> Result<WorkFolder> {
         let path = means.folder.join(format!(".lodestone-report-{}", std::process::id()));
         std::fs::create_dir_all(&path)
             .map_err(|source| MeasureError::Folder { path: path.clone(), source })?;
-        Ok(Place(path))
+        Ok(WorkFolder(path))
     }
 
     pub fn at(&self, name: &str) -> PathBuf {
@@ -147,7 +147,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for WorkFolder {
     fn drop(&mut self) {
         // Where this fails there is nobody left to tell but the log.
         if let Err(error) = std::fs::remove_dir_all(&self.0) {

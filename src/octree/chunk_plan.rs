@@ -5,7 +5,7 @@
 //! holds more. The plan depends on the counts alone: not on threads, memory or
 //! the order of the input.
 
-use super::counting_grid::{Census, Grid, NO_LINK, REFINED};
+use super::counting_grid::{CountingGrid, Grid, NO_LINK, REFINED};
 use super::node::NodeKey;
 
 /// A node whose points are indexed together.
@@ -17,9 +17,9 @@ pub struct Chunk {
 
 /// Chunks in Morton order, and the table that finds a point's chunk.
 #[derive(Debug)]
-pub struct Plan {
+pub struct ChunkPlan {
     pub chunks: Vec<Chunk>,
-    census: Census,
+    census: CountingGrid,
 }
 
 /// Points that a chunk may hold for a cloud of `points`: small enough to keep
@@ -36,14 +36,14 @@ pub fn census_cells(points: u64) -> u64 {
     (points / 8).clamp(1 << 12, 1 << 22)
 }
 
-impl Plan {
+impl ChunkPlan {
     /// Makes the plan; every cell of the census must hold at most `limit`
     /// points or be indivisible.
-    pub fn new(mut census: Census, limit: u64) -> Plan {
+    pub fn new(mut census: CountingGrid, limit: u64) -> ChunkPlan {
         let pyramids: Vec<Pyramid> = census.grids.iter().map(Pyramid::new).collect();
-        let mut plan = Walk { pyramids: &pyramids, limit, chunks: Vec::new(), paint: Vec::new() };
+        let mut plan = CellWalk { pyramids: &pyramids, limit, chunks: Vec::new(), paint: Vec::new() };
         plan.visit(&census, 0, NodeKey::ROOT);
-        let Walk { chunks, paint, .. } = plan;
+        let CellWalk { chunks, paint, .. } = plan;
         for grid in &mut census.grids {
             if grid.links.is_empty() {
                 grid.links = vec![NO_LINK; grid.dims.iter().map(|d| *d as usize).product()];
@@ -52,7 +52,7 @@ impl Plan {
         for (chunk, (grid, node)) in paint.into_iter().enumerate() {
             paint_cells(&mut census, grid, node, chunk as u32);
         }
-        Plan { chunks, census }
+        ChunkPlan { chunks, census }
     }
 
     /// The chunk of tree coordinates, if the census covers them.
@@ -132,7 +132,7 @@ fn flat(c: [u32; 3], dims: [u32; 3]) -> usize {
     (c[2] as usize * dims[1] as usize + c[1] as usize) * dims[0] as usize + c[0] as usize
 }
 
-struct Walk<'a> {
+struct CellWalk<'a> {
     pyramids: &'a [Pyramid],
     limit: u64,
     chunks: Vec<Chunk>,
@@ -140,10 +140,10 @@ struct Walk<'a> {
     paint: Vec<(usize, NodeKey)>,
 }
 
-impl Walk<'_> {
+impl CellWalk<'_> {
     /// Visits a node through the grid that resolves it; depth is bounded by the
     /// cube's bits.
-    fn visit(&mut self, census: &Census, grid: usize, node: NodeKey) {
+    fn visit(&mut self, census: &CountingGrid, grid: usize, node: NodeKey) {
         let points = self.pyramids[grid].points(node).unwrap_or(0);
         if points == 0 {
             return;
@@ -163,7 +163,7 @@ impl Walk<'_> {
 }
 
 /// The grid that refines a cell.
-fn refinement(census: &Census, grid: usize, node: NodeKey) -> Option<usize> {
+fn refinement(census: &CountingGrid, grid: usize, node: NodeKey) -> Option<usize> {
     let g = &census.grids[grid];
     let c: [u32; 3] = std::array::from_fn(|a| node.at[a] - g.origin[a]);
     match g.links.get(flat(c, g.dims)) {
@@ -173,7 +173,7 @@ fn refinement(census: &Census, grid: usize, node: NodeKey) -> Option<usize> {
 }
 
 /// Links all cells of a grid within a node to a chunk.
-fn paint_cells(census: &mut Census, grid: usize, node: NodeKey, chunk: u32) {
+fn paint_cells(census: &mut CountingGrid, grid: usize, node: NodeKey, chunk: u32) {
     let g = &mut census.grids[grid];
     let down = g.level - u32::from(node.level);
     let low: [u32; 3] = std::array::from_fn(|a| (node.at[a] << down).max(g.origin[a]) - g.origin[a]);
@@ -194,15 +194,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn plan_of(points: &[[u32; 3]], bits: u32, cells: u64, limit: u64) -> Plan {
+    fn plan_of(points: &[[u32; 3]], bits: u32, cells: u64, limit: u64) -> ChunkPlan {
         let low = |a: usize| points.iter().map(|p| p[a]).min().unwrap();
         let high = |a: usize| points.iter().map(|p| p[a]).max().unwrap();
-        let mut census = Census::new(bits, [low(0), low(1), low(2)], [high(0), high(1), high(2)], cells);
+        let mut census =
+            CountingGrid::new(bits, [low(0), low(1), low(2)], [high(0), high(1), high(2)], cells);
         assert_eq!(census.count(points.iter().copied()), 0);
         while census.refine(limit) {
             census.count(points.iter().copied());
         }
-        Plan::new(census, limit)
+        ChunkPlan::new(census, limit)
     }
 
     #[test]

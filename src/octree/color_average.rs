@@ -16,8 +16,8 @@
 //! Whole numbers are added up and divided once, so neither the candidates' order
 //! nor threads can be seen in the result.
 
-use super::sampling::sampler::Item;
-use crate::octree::cube::{Frame, SPACING_BITS};
+use super::sampling::sampler::IndexedPoint;
+use crate::octree::cube::{NodeCube, SPACING_BITS};
 
 /// Cells on an axis: the node's own and an empty layer on each side.
 const AXIS: usize = (1 << SPACING_BITS) + 2;
@@ -27,7 +27,7 @@ const CELLS: usize = AXIS * AXIS * AXIS;
 /// and for the quarter of them that surfaces take as samples, sum and mean.
 pub const MEMORY: u64 = (CELLS * size_of::<u32>()) as u64;
 pub const MEMORY_A_CANDIDATE: u64 =
-    (size_of::<Colour>() + (size_of::<Sample>() + size_of::<Mean>()) / 4) as u64;
+    (size_of::<Colour>() + (size_of::<AveragedSample>() + size_of::<Mean>()) / 4) as u64;
 
 pub type Colour = [u16; 3];
 
@@ -41,18 +41,18 @@ pub struct Mean {
 }
 
 /// Coordinates within the node.
-type Local = [i32; 3];
+type NodeCoordinates = [i32; 3];
 
 #[derive(Debug, Clone, Copy)]
-struct Sample {
-    at: Local,
+struct AveragedSample {
+    at: NodeCoordinates,
     /// The sample before it in the same cell, counted from 1; 0 for none.
     next: u32,
     /// Of each channel, and how many were added up.
     sum: [u64; 4],
 }
 
-impl Sample {
+impl AveragedSample {
     /// To the nearest, halves up.
     fn mean(&self) -> Colour {
         let [red, green, blue, count] = self.sum;
@@ -65,7 +65,7 @@ impl Sample {
 /// A sample around the cell in work, and what that cell's candidates add to it.
 #[derive(Debug, Clone, Copy)]
 struct Near {
-    at: Local,
+    at: NodeCoordinates,
     number: u32,
     sum: [u32; 4],
 }
@@ -84,7 +84,7 @@ const MOST_ADDED: u32 = u32::MAX / u16::MAX as u32;
 pub struct Averager {
     /// Per cell its newest sample, counted from 1; 0 for none. Empty until used.
     heads: Vec<u32>,
-    samples: Vec<Sample>,
+    samples: Vec<AveragedSample>,
     colours: Vec<Colour>,
     near: Vec<Near>,
     means: Vec<Mean>,
@@ -97,12 +97,12 @@ fn head_of([x, y, z]: [usize; 3]) -> usize {
 }
 
 #[inline]
-fn cell_of(at: Local, shift: u32) -> [usize; 3] {
+fn cell_of(at: NodeCoordinates, shift: u32) -> [usize; 3] {
     at.map(|c| (c >> shift) as usize + 1)
 }
 
 #[inline]
-fn squared_distance(a: Local, b: Local) -> i64 {
+fn squared_distance(a: NodeCoordinates, b: NodeCoordinates) -> i64 {
     let d = |i: usize| i64::from(a[i] - b[i]);
     d(0) * d(0) + d(1) * d(1) + d(2) * d(2)
 }
@@ -116,9 +116,9 @@ impl Averager {
     /// full, each point for itself.
     pub fn means(
         &mut self,
-        frame: Frame,
+        frame: NodeCube,
         has_below: bool,
-        candidates: &[&[Item]],
+        candidates: &[&[IndexedPoint]],
         taken: &[bool],
         colour: impl Fn(usize, u32) -> Colour,
     ) -> &[Mean] {
@@ -145,20 +145,20 @@ impl Averager {
     }
 
     /// Puts the samples into the grid.
-    fn place(&mut self, frame: Frame, candidates: &[&[Item]], taken: &[bool]) {
+    fn place(&mut self, frame: NodeCube, candidates: &[&[IndexedPoint]], taken: &[bool]) {
         if self.heads.is_empty() {
             self.heads = vec![0; CELLS];
         }
         for (_, item) in taken_of(candidates, taken) {
             let at = frame.local(item.at).map(|c| c as i32);
             let head = &mut self.heads[head_of(cell_of(at, frame.spacing_shift()))];
-            self.samples.push(Sample { at, next: *head, sum: [0; 4] });
+            self.samples.push(AveragedSample { at, next: *head, sum: [0; 4] });
             *head = self.samples.len() as u32;
         }
     }
 
     /// Adds each candidate's colour to the samples that it is near to.
-    fn add_up(&mut self, frame: Frame, candidates: &[&[Item]]) {
+    fn add_up(&mut self, frame: NodeCube, candidates: &[&[IndexedPoint]]) {
         let Averager { heads, samples, colours, near, .. } = self;
         let shift = frame.spacing_shift();
         let squared = 1i64 << (2 * shift);
@@ -190,7 +190,7 @@ impl Averager {
 }
 
 /// Adds to the samples what the candidates of a cell have added.
-fn settle(near: &mut Vec<Near>, samples: &mut [Sample]) {
+fn settle(near: &mut Vec<Near>, samples: &mut [AveragedSample]) {
     for near in near.drain(..) {
         let sample = &mut samples[near.number as usize];
         for (sum, more) in sample.sum.iter_mut().zip(near.sum) {
@@ -200,7 +200,7 @@ fn settle(near: &mut Vec<Near>, samples: &mut [Sample]) {
 }
 
 /// The samples of the 27 cells around a cell.
-fn gather(heads: &[u32], samples: &[Sample], [x, y, z]: [usize; 3], near: &mut Vec<Near>) {
+fn gather(heads: &[u32], samples: &[AveragedSample], [x, y, z]: [usize; 3], near: &mut Vec<Near>) {
     // First the cells that hold some, which are few: each is written down, and then
     // counted if it does.
     let (mut occupied, mut count) = ([0; 27], 0);
@@ -222,18 +222,21 @@ fn gather(heads: &[u32], samples: &[Sample], [x, y, z]: [usize; 3], near: &mut V
 }
 
 /// Candidates with their set's number, of which there are at most eight.
-fn numbered<'c>(candidates: &'c [&'c [Item]]) -> impl Iterator<Item = (usize, &'c Item)> {
+fn numbered<'c>(candidates: &'c [&'c [IndexedPoint]]) -> impl Iterator<Item = (usize, &'c IndexedPoint)> {
     candidates.iter().enumerate().flat_map(|(set, items)| items.iter().map(move |item| (set, item)))
 }
 
 /// Those of them that the node takes.
-fn taken_of<'c>(candidates: &'c [&'c [Item]], taken: &'c [bool]) -> impl Iterator<Item = (usize, &'c Item)> {
+fn taken_of<'c>(
+    candidates: &'c [&'c [IndexedPoint]],
+    taken: &'c [bool],
+) -> impl Iterator<Item = (usize, &'c IndexedPoint)> {
     numbered(candidates).zip(taken).filter(|(_, taken)| **taken).map(|(candidate, _)| candidate)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::local_octree::{Builder, Emit};
+    use super::super::local_octree::{LocalOctreeBuilder, NodeSink};
     use super::super::sampling::poisson::PoissonDisk;
     use super::super::sampling::sampler::Sampler;
     use super::*;
@@ -241,18 +244,23 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::HashMap;
 
-    fn items(points: &[[u32; 3]]) -> Vec<Item> {
-        points.iter().zip(0..).map(|(at, index)| Item { at: *at, index }).collect()
+    fn items(points: &[[u32; 3]]) -> Vec<IndexedPoint> {
+        points.iter().zip(0..).map(|(at, index)| IndexedPoint { at: *at, index }).collect()
     }
 
     /// By comparing all with all.
-    fn plainly(frame: Frame, items: &[Item], taken: &[bool], colours: &[Colour]) -> HashMap<u32, Colour> {
+    fn plainly(
+        frame: NodeCube,
+        items: &[IndexedPoint],
+        taken: &[bool],
+        colours: &[Colour],
+    ) -> HashMap<u32, Colour> {
         let squared = 1i64 << (2 * frame.spacing_shift());
-        let local = |item: &Item| frame.local(item.at).map(|c| c as i32);
+        let local = |item: &IndexedPoint| frame.local(item.at).map(|c| c as i32);
         let samples = items.iter().zip(taken).filter(|(_, taken)| **taken);
         samples
             .map(|(sample, _)| {
-                let near: Vec<&Item> = items
+                let near: Vec<&IndexedPoint> = items
                     .iter()
                     .filter(|item| squared_distance(local(item), local(sample)) < squared)
                     .collect();
@@ -286,7 +294,7 @@ mod tests {
                 points.iter().map(|((x, y, z), ..)| [x >> squeeze, y >> squeeze, z >> squeeze]).collect();
             let colours: Vec<Colour> = points.iter().map(|(_, colour, _)| *colour).collect();
             let origin = [1 << side_bits; 3];
-            let frame = Frame { origin, side_bits };
+            let frame = NodeCube { origin, side_bits };
             let at: Vec<[u32; 3]> = at.iter().map(|p| p.map(|c| c + (1 << side_bits))).collect();
             let items = items(&at);
             let mut taken: Vec<bool> = points.iter().map(|(.., dice)| *dice == 0).collect();
@@ -321,7 +329,7 @@ mod tests {
             |_: usize, index: u32| if index as usize == crowd { [0; 3] } else { [65_535, 65_535, 1] };
         let mut averager = Averager::default();
         let means = by_index(averager.means(
-            Frame { origin: [0; 3], side_bits: 10 },
+            NodeCube { origin: [0; 3], side_bits: 10 },
             false,
             &[&items],
             &taken,
@@ -331,7 +339,7 @@ mod tests {
         assert_eq!(means[&7], [65_535, 65_535, 1]);
         assert_eq!(means[&(crowd as u32)], [0; 3]);
         let near = by_index(averager.means(
-            Frame { origin: [0; 3], side_bits: 11 },
+            NodeCube { origin: [0; 3], side_bits: 11 },
             false,
             &[&items],
             &taken,
@@ -343,7 +351,7 @@ mod tests {
     #[test]
     fn halves_are_rounded_up_and_a_node_that_shows_all_averages_nothing() {
         let items = items(&[[0; 3], [1, 0, 0]]);
-        let frame = Frame { origin: [0; 3], side_bits: 10 };
+        let frame = NodeCube { origin: [0; 3], side_bits: 10 };
         let colour = |_: usize, index: u32| [index as u16, 3 * index as u16, 10];
         let mut averager = Averager::default();
         let one = averager.means(frame, false, &[&items], &[true, false], colour);
@@ -360,23 +368,29 @@ mod tests {
     }
 
     impl Painted {
-        fn put(&mut self, node: NodeKey, items: &[Item]) {
+        fn put(&mut self, node: NodeKey, items: &[IndexedPoint]) {
             let painted = items.iter().map(|item| (item.index, self.colours[item.index as usize]));
             self.nodes.insert(node, painted.collect());
         }
     }
 
-    impl Emit for Painted {
+    impl NodeSink for Painted {
         type Error = std::convert::Infallible;
 
-        fn sampled(&mut self, frame: Frame, has_below: bool, candidates: &[&[Item]], taken: &[bool]) {
+        fn sampled(
+            &mut self,
+            frame: NodeCube,
+            has_below: bool,
+            candidates: &[&[IndexedPoint]],
+            taken: &[bool],
+        ) {
             let colours = &mut self.colours;
             let colour = |_: usize, index: u32| colours[index as usize];
             let means = self.averager.means(frame, has_below, candidates, taken, colour);
             means.iter().for_each(|mean| colours[mean.index as usize] = mean.colour);
         }
 
-        fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), Self::Error> {
+        fn node(&mut self, node: NodeKey, _: NodeCube, items: &[IndexedPoint]) -> Result<(), Self::Error> {
             self.put(node, items);
             Ok(())
         }
@@ -387,7 +401,7 @@ mod tests {
         let mut spare = items.clone();
         let emit =
             Painted { averager: Averager::default(), colours: colours.to_vec(), nodes: HashMap::new() };
-        let mut builder = Builder::new(10, 40, sampler, emit);
+        let mut builder = LocalOctreeBuilder::new(10, 40, sampler, emit);
         let root = builder.build(NodeKey::ROOT, &mut items, &mut spare).unwrap();
         let mut painted = builder.emit;
         painted.put(NodeKey::ROOT, &root.items);

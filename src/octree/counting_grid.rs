@@ -78,13 +78,13 @@ const IN_HAND: usize = 1 << 10;
 /// last bits. Neighbours in the file are mostly neighbours in space, a scan
 /// line returns to the cells of the line before: many points of one cell become
 /// one atomic addition, the last of them when the tally is dropped.
-pub struct Tally<'a> {
-    census: &'a Census,
+pub struct CellCountBuffer<'a> {
+    census: &'a CountingGrid,
     /// Grid, cell and points.
     in_hand: Vec<(u32, u32, u32)>,
 }
 
-impl Tally<'_> {
+impl CellCountBuffer<'_> {
     /// Counts points; in a refinement only those of the refined cells. Returns
     /// the number of points outside the grid.
     pub fn count(&mut self, points: impl Iterator<Item = [u32; 3]>) -> u64 {
@@ -112,7 +112,7 @@ impl Tally<'_> {
     }
 }
 
-impl Drop for Tally<'_> {
+impl Drop for CellCountBuffer<'_> {
     fn drop(&mut self) {
         for (grid, cell, points) in self.in_hand.iter().filter(|slot| slot.2 > 0) {
             self.census.grids[*grid as usize].add(*cell as usize, u64::from(*points));
@@ -127,17 +127,17 @@ pub const NO_LINK: u32 = u32::MAX;
 
 /// All counts of a cloud: the grid over its box first, then the refinements.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Census {
+pub struct CountingGrid {
     bits: u32,
     pub grids: Vec<Grid>,
     /// Grids from here on are the newest refinement, still to be counted.
     fresh: usize,
 }
 
-impl Census {
+impl CountingGrid {
     /// An empty census over the box from `min` to `max` (tree coordinates,
     /// inclusive) in a cube of 2^bits units, with at most `cells` cells.
-    pub fn new(bits: u32, min: [u32; 3], max: [u32; 3], cells: u64) -> Census {
+    pub fn new(bits: u32, min: [u32; 3], max: [u32; 3], cells: u64) -> CountingGrid {
         let fits = |level: &u32| {
             let shift = bits - level;
             (0..3).map(|a| u64::from((max[a] >> shift) - (min[a] >> shift) + 1)).product::<u64>() <= cells
@@ -147,7 +147,7 @@ impl Census {
         let shift = bits - level;
         let origin = min.map(|c| c >> shift);
         let dims = std::array::from_fn(|a| (max[a] >> shift) - origin[a] + 1);
-        Census { bits, grids: vec![Grid::new(bits, level, origin, dims)], fresh: 0 }
+        CountingGrid { bits, grids: vec![Grid::new(bits, level, origin, dims)], fresh: 0 }
     }
 
     pub fn bits(&self) -> u32 {
@@ -160,8 +160,8 @@ impl Census {
     }
 
     /// Counts points of a slice; many threads can have one each.
-    pub fn tally(&self) -> Tally<'_> {
-        Tally { census: self, in_hand: vec![(0, 0, 0); IN_HAND] }
+    pub fn tally(&self) -> CellCountBuffer<'_> {
+        CellCountBuffer { census: self, in_hand: vec![(0, 0, 0); IN_HAND] }
     }
 
     /// The finest grid and its cell that hold tree coordinates.
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn the_grid_fits_the_box() {
-        let census = Census::new(20, [0, 0, 0], [(1 << 20) - 1, (1 << 20) - 1, 999], 1 << 20);
+        let census = CountingGrid::new(20, [0, 0, 0], [(1 << 20) - 1, (1 << 20) - 1, 999], 1 << 20);
         assert_eq!((census.grids[0].level, census.grids[0].dims), (10, [1024, 1024, 1]));
     }
 
@@ -220,7 +220,7 @@ mod tests {
     fn a_heavy_cell_is_refined_until_it_is_light_or_a_single_position() {
         let points: Vec<[u32; 3]> =
             (0..1000u32).map(|i| [i % 10, i / 10 % 10, 7]).chain((0..500).map(|_| [900, 900, 900])).collect();
-        let mut census = Census::new(10, [0; 3], [1023; 3], 8);
+        let mut census = CountingGrid::new(10, [0; 3], [1023; 3], 8);
         census.count(points.iter().copied());
         while census.refine(100) {
             census.count(points.iter().copied());
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn points_outside_are_told_not_lost_silently() {
-        let census = Census::new(10, [0; 3], [511, 511, 0], 1 << 12);
+        let census = CountingGrid::new(10, [0; 3], [511, 511, 0], 1 << 12);
         assert_eq!(census.count([[5, 5, 0], [5, 5, 900]].into_iter()), 1);
     }
 }

@@ -151,17 +151,17 @@ fn bits_for(value: u64) -> u32 {
 
 /// A node's cube in tree units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Frame {
+pub struct NodeCube {
     pub origin: [u32; 3],
     /// The side is 2^side_bits tree units.
     pub side_bits: u32,
 }
 
-impl Frame {
+impl NodeCube {
     /// Where a node lies in a root cube of 2^bits tree units.
-    pub fn of(bits: u32, node: NodeKey) -> Frame {
+    pub fn of(bits: u32, node: NodeKey) -> NodeCube {
         let side_bits = bits - u32::from(node.level);
-        Frame { origin: node.at.map(|c| c << side_bits), side_bits }
+        NodeCube { origin: node.at.map(|c| c << side_bits), side_bits }
     }
 
     /// How far to shift coordinates within the node to get cells as wide as

@@ -94,18 +94,18 @@ impl Lattice {
 
 /// From one file's integers to the lattice's, per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-enum Axis {
+enum AxisMapping {
     /// stored = raw × mul + add, exactly.
     Integer { mul: i64, add: i64 },
     /// stored = round((raw × scale + offset − to_offset) / to_scale).
     Float { scale: f64, offset: f64, to_scale: f64, to_offset: f64 },
 }
 
-impl Axis {
+impl AxisMapping {
     fn apply(&self, raw: i32) -> i64 {
         match *self {
-            Axis::Integer { mul, add } => i64::from(raw) * mul + add,
-            Axis::Float { scale, offset, to_scale, to_offset } => {
+            AxisMapping::Integer { mul, add } => i64::from(raw) * mul + add,
+            AxisMapping::Float { scale, offset, to_scale, to_offset } => {
                 ((f64::from(raw) * scale + offset - to_offset) / to_scale).round() as i64
             }
         }
@@ -115,18 +115,18 @@ impl Axis {
 /// Requantises one file's positions onto the data set's lattice.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Requantise {
-    axes: [Axis; 3],
+    axes: [AxisMapping; 3],
     /// Set where all axes only add: the usual case, and the fast one.
     shift: Option<[i64; 3]>,
 }
 
 impl Requantise {
-    fn new(axes: [Axis; 3]) -> Requantise {
+    fn new(axes: [AxisMapping; 3]) -> Requantise {
         let mut shift = [0; 3];
         let mut only_adds = true;
         for (to, axis) in shift.iter_mut().zip(&axes) {
             match axis {
-                Axis::Integer { mul: 1, add } => *to = *add,
+                AxisMapping::Integer { mul: 1, add } => *to = *add,
                 _ => only_adds = false,
             }
         }
@@ -183,9 +183,9 @@ pub fn choose(
     let requantise = (0..sources.len())
         .map(|i| {
             Requantise::new(std::array::from_fn(|a| match chosen[a].axes[i] {
-                Axis::Integer { mul, add } => Axis::Integer { mul, add: add - shift[a] },
-                Axis::Float { scale, offset, to_scale, .. } => {
-                    Axis::Float { scale, offset, to_scale, to_offset: lattice.offset[a] }
+                AxisMapping::Integer { mul, add } => AxisMapping::Integer { mul, add: add - shift[a] },
+                AxisMapping::Float { scale, offset, to_scale, .. } => {
+                    AxisMapping::Float { scale, offset, to_scale, to_offset: lattice.offset[a] }
                 }
             }))
         })
@@ -209,7 +209,7 @@ struct AxisChoice {
     /// Box of the integers on this lattice, before the shift.
     low: i64,
     high: i64,
-    axes: Vec<Axis>,
+    axes: Vec<AxisMapping>,
 }
 
 /// Positions span fewer than 2³² lattice units, so that they fit an int32.
@@ -294,7 +294,7 @@ fn exact_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> Option<AxisCho
         if add.abs() > 1e15 || (distance / scale - add).abs() > 1e-6 + noise.min(MOST_NOISE) {
             return None;
         }
-        choice.include(source, axis, Axis::Integer { mul: mul as i64, add: add as i64 });
+        choice.include(source, axis, AxisMapping::Integer { mul: mul as i64, add: add as i64 });
     }
     Some(choice)
 }
@@ -303,7 +303,7 @@ fn rounded_axis(sources: &[SourceGrid], axis: usize, scale: f64) -> AxisChoice {
     let offset = sources[0].offset[axis];
     let mut choice = AxisChoice::new(scale, offset, false);
     for source in sources {
-        let to = Axis::Float {
+        let to = AxisMapping::Float {
             scale: source.scale[axis],
             offset: source.offset[axis],
             to_scale: scale,
@@ -323,7 +323,7 @@ impl AxisChoice {
         AxisChoice { scale, offset, exact, finest: scale, too_wide: false, low, high, axes: Vec::new() }
     }
 
-    fn include(&mut self, source: &SourceGrid, axis: usize, to: Axis) {
+    fn include(&mut self, source: &SourceGrid, axis: usize, to: AxisMapping) {
         for raw in [source.min[axis], source.max[axis]] {
             let stored = to.apply(raw);
             self.low = self.low.min(stored);

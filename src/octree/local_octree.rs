@@ -12,27 +12,34 @@
 
 use super::node_limit::{NODE_LIMIT, thin};
 use super::node_order;
-use super::sampling::sampler::{Item, Rim, Sampler};
-use crate::octree::cube::Frame;
+use super::sampling::sampler::{BorderSamples, IndexedPoint, Sampler};
+use crate::octree::cube::NodeCube;
 use crate::octree::node::NodeKey;
 
 /// Levels that one counting sort divides at most: 32³ cells.
 const SPLIT_LEVELS: u32 = 5;
 
 /// Receives each node once its points are final, children before parents.
-pub trait Emit {
+pub trait NodeSink {
     type Error;
     /// A node's sample was chosen: which of the candidates (its children's points)
     /// it takes, before any of them is moved. `has_below` says whether there are
     /// nodes below the children.
-    fn sampled(&mut self, _frame: Frame, _has_below: bool, _candidates: &[&[Item]], _taken: &[bool]) {}
+    fn sampled(
+        &mut self,
+        _frame: NodeCube,
+        _has_below: bool,
+        _candidates: &[&[IndexedPoint]],
+        _taken: &[bool],
+    ) {
+    }
     /// A node that holds points or has children. `items` are the node's own, in
     /// Morton order.
-    fn node(&mut self, node: NodeKey, frame: Frame, items: &[Item]) -> Result<(), Self::Error>;
+    fn node(&mut self, node: NodeKey, frame: NodeCube, items: &[IndexedPoint]) -> Result<(), Self::Error>;
 }
 
 /// Builds trees, one chunk after the other, with one sampler.
-pub struct Builder<'s, E: Emit> {
+pub struct LocalOctreeBuilder<'s, E: NodeSink> {
     /// Bits of the root cube.
     pub bits: u32,
     pub leaf_limit: usize,
@@ -41,31 +48,31 @@ pub struct Builder<'s, E: Emit> {
     /// Whether a position keeps no more than a leaf's worth of points.
     pub thin_crowds: bool,
     /// Samples around the tree that it is to honour.
-    pub around: Vec<Rim>,
+    pub around: Vec<BorderSamples>,
     /// Indices of what was kept out for it: the last of each crowd.
     pub aside: Vec<u32>,
     taken: Vec<bool>,
 }
 
 /// A node's points: where the sort left them, or those it sampled.
-enum Set<'a> {
-    Sorted(&'a mut [Item]),
-    Sampled(Vec<Item>),
+enum NodePoints<'a> {
+    Sorted(&'a mut [IndexedPoint]),
+    Sampled(Vec<IndexedPoint>),
 }
 
-impl Set<'_> {
-    fn items(&mut self) -> &mut [Item] {
+impl NodePoints<'_> {
+    fn items(&mut self) -> &mut [IndexedPoint] {
         match self {
-            Set::Sorted(items) => items,
-            Set::Sampled(items) => items,
+            NodePoints::Sorted(items) => items,
+            NodePoints::Sampled(items) => items,
         }
     }
 }
 
 /// A node whose parent has not sampled it yet.
-struct Grown<'a> {
+struct UnsampledNode<'a> {
     node: NodeKey,
-    set: Set<'a>,
+    set: NodePoints<'a>,
     has_children: bool,
     /// Whether it is the leaf of a crowd that was thinned.
     crowded: bool,
@@ -73,11 +80,11 @@ struct Grown<'a> {
 
 /// What a chunk's root holds before the levels above have sampled it.
 pub struct Root {
-    pub items: Vec<Item>,
+    pub items: Vec<IndexedPoint>,
     pub has_children: bool,
     pub crowded: bool,
     /// Samples along its faces, of all levels.
-    pub rims: Vec<Rim>,
+    pub rims: Vec<BorderSamples>,
 }
 
 /// Whether leaves become one leaf: where a crowd was thinned, a chain of levels
@@ -96,9 +103,9 @@ pub fn is_hollow(leaf_limit: usize, children: impl Iterator<Item = (usize, bool,
     crowded && points <= 2 * leaf_limit
 }
 
-impl<'s, E: Emit> Builder<'s, E> {
+impl<'s, E: NodeSink> LocalOctreeBuilder<'s, E> {
     pub fn new(bits: u32, leaf_limit: usize, sampler: &'s mut dyn Sampler, emit: E) -> Self {
-        Builder {
+        LocalOctreeBuilder {
             bits,
             leaf_limit,
             sampler,
@@ -112,14 +119,19 @@ impl<'s, E: Emit> Builder<'s, E> {
 
     /// Builds the tree below `node` from all of its points (`spare` is room for
     /// as many). All nodes but the root are emitted.
-    pub fn build(&mut self, node: NodeKey, items: &mut [Item], spare: &mut [Item]) -> Result<Root, E::Error> {
+    pub fn build(
+        &mut self,
+        node: NodeKey,
+        items: &mut [IndexedPoint],
+        spare: &mut [IndexedPoint],
+    ) -> Result<Root, E::Error> {
         self.sampler.begin(std::mem::take(&mut self.around));
         let mut grown = self.grow(node, items, spare)?;
         let items = match grown.set {
-            Set::Sampled(items) => items,
-            Set::Sorted(_) => grown.set.items().to_vec(),
+            NodePoints::Sampled(items) => items,
+            NodePoints::Sorted(_) => grown.set.items().to_vec(),
         };
-        let rims = self.sampler.end(node, Frame::of(self.bits, node));
+        let rims = self.sampler.end(node, NodeCube::of(self.bits, node));
         Ok(Root { items, has_children: grown.has_children, crowded: grown.crowded, rims })
     }
 
@@ -130,9 +142,9 @@ impl<'s, E: Emit> Builder<'s, E> {
     fn grow<'a>(
         &mut self,
         node: NodeKey,
-        items: &'a mut [Item],
-        spare: &'a mut [Item],
-    ) -> Result<Grown<'a>, E::Error> {
+        items: &'a mut [IndexedPoint],
+        spare: &'a mut [IndexedPoint],
+    ) -> Result<UnsampledNode<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
             return Ok(self.leaf(node, items, spare));
         }
@@ -143,13 +155,23 @@ impl<'s, E: Emit> Builder<'s, E> {
     }
 
     /// A leaf; where that is a single position, a crowd there may be too much.
-    fn leaf<'a>(&mut self, node: NodeKey, items: &'a mut [Item], spare: &mut [Item]) -> Grown<'a> {
+    fn leaf<'a>(
+        &mut self,
+        node: NodeKey,
+        items: &'a mut [IndexedPoint],
+        spare: &mut [IndexedPoint],
+    ) -> UnsampledNode<'a> {
         let kept = if self.thin_crowds { items.len().min(self.leaf_limit) } else { items.len() };
         // The sort is stable: what came first stays.
         let (items, aside) = items.split_at_mut(kept);
         self.aside.extend(aside.iter().map(|item| item.index));
-        node_order::sort(Frame::of(self.bits, node), items, &mut spare[..kept]);
-        Grown { node, set: Set::Sorted(items), has_children: false, crowded: !aside.is_empty() }
+        node_order::sort(NodeCube::of(self.bits, node), items, &mut spare[..kept]);
+        UnsampledNode {
+            node,
+            set: NodePoints::Sorted(items),
+            has_children: false,
+            crowded: !aside.is_empty(),
+        }
     }
 
     /// How many levels to divide at once: a surface loses three quarters of a
@@ -166,9 +188,9 @@ impl<'s, E: Emit> Builder<'s, E> {
         node: NodeKey,
         levels: u32,
         starts: &[u32],
-        items: &'a mut [Item],
-        spare: &'a mut [Item],
-    ) -> Result<Grown<'a>, E::Error> {
+        items: &'a mut [IndexedPoint],
+        spare: &'a mut [IndexedPoint],
+    ) -> Result<UnsampledNode<'a>, E::Error> {
         if self.is_leaf(node, items.len()) {
             return Ok(self.leaf(node, items, spare));
         }
@@ -193,15 +215,24 @@ impl<'s, E: Emit> Builder<'s, E> {
     }
 
     /// Samples a node from its children, which are then final.
-    fn sample<'a>(&mut self, node: NodeKey, mut children: Vec<Grown<'a>>) -> Result<Grown<'a>, E::Error> {
+    fn sample<'a>(
+        &mut self,
+        node: NodeKey,
+        mut children: Vec<UnsampledNode<'a>>,
+    ) -> Result<UnsampledNode<'a>, E::Error> {
         let leaves = children.iter_mut().map(|c| (c.set.items().len(), c.has_children, c.crowded));
         if is_hollow(self.leaf_limit, leaves) {
             let items = children.iter_mut().flat_map(|c| c.set.items().iter().copied()).collect();
-            return Ok(Grown { node, set: Set::Sampled(items), has_children: false, crowded: true });
+            return Ok(UnsampledNode {
+                node,
+                set: NodePoints::Sampled(items),
+                has_children: false,
+                crowded: true,
+            });
         }
         let has_below = children.iter().any(|c| c.has_children);
-        let candidates: Vec<&[Item]> = children.iter_mut().map(|c| &*c.set.items()).collect();
-        let frame = Frame::of(self.bits, node);
+        let candidates: Vec<&[IndexedPoint]> = children.iter_mut().map(|c| &*c.set.items()).collect();
+        let frame = NodeCube::of(self.bits, node);
         self.sampler.sample(node, frame, &candidates, &mut self.taken);
         thin(NODE_LIMIT, &mut self.taken);
         self.emit.sampled(frame, has_below, &candidates, &self.taken);
@@ -218,11 +249,11 @@ impl<'s, E: Emit> Builder<'s, E> {
         for (mut child, kept) in children.into_iter().zip(kept) {
             if kept > 0 || child.has_children {
                 has_children = true;
-                let frame = Frame::of(self.bits, child.node);
+                let frame = NodeCube::of(self.bits, child.node);
                 self.emit.node(child.node, frame, &child.set.items()[..kept])?;
             }
         }
-        Ok(Grown { node, set: Set::Sampled(accepted), has_children, crowded: false })
+        Ok(UnsampledNode { node, set: NodePoints::Sampled(accepted), has_children, crowded: false })
     }
 }
 
@@ -231,10 +262,10 @@ impl<'s, E: Emit> Builder<'s, E> {
 ///
 /// About every other item is taken, by no pattern, so there is no branch to be
 /// guessed wrong: each is written to both places and then counted in one.
-pub fn move_taken(items: &mut [Item], taken: &[bool], accepted: &mut Vec<Item>) -> usize {
+pub fn move_taken(items: &mut [IndexedPoint], taken: &[bool], accepted: &mut Vec<IndexedPoint>) -> usize {
     let (mut kept, mut end) = (0, accepted.len());
     // One more than fits: where an item that stays is written for nothing.
-    accepted.resize(end + taken.iter().filter(|t| **t).count() + 1, Item::default());
+    accepted.resize(end + taken.iter().filter(|t| **t).count() + 1, IndexedPoint::default());
     for i in 0..items.len() {
         let item = items[i];
         items[kept] = item;
@@ -263,7 +294,7 @@ const SPREAD: [u16; 1 << SPLIT_LEVELS] = {
 
 /// Counting sort of `items` into `sorted` by the cell `levels` below their node,
 /// in Morton order (child digits); stable. Returns where each cell starts.
-fn sort_into_cells(items: &[Item], sorted: &mut [Item], shift: u32, levels: u32) -> Vec<u32> {
+fn sort_into_cells(items: &[IndexedPoint], sorted: &mut [IndexedPoint], shift: u32, levels: u32) -> Vec<u32> {
     let mask = (1u32 << levels) - 1;
     let cell = |at: [u32; 3]| {
         let [x, y, z] = at.map(|c| usize::from(SPREAD[(c >> shift & mask) as usize]));
@@ -294,11 +325,11 @@ mod tests {
     use std::collections::HashMap;
 
     #[derive(Default)]
-    struct Collect(HashMap<NodeKey, Vec<Item>>);
+    struct Collect(HashMap<NodeKey, Vec<IndexedPoint>>);
 
-    impl Emit for Collect {
+    impl NodeSink for Collect {
         type Error = std::convert::Infallible;
-        fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), Self::Error> {
+        fn node(&mut self, node: NodeKey, _: NodeCube, items: &[IndexedPoint]) -> Result<(), Self::Error> {
             assert!(self.0.insert(node, items.to_vec()).is_none(), "{node} emitted twice");
             Ok(())
         }
@@ -309,11 +340,11 @@ mod tests {
         bits: u32,
         leaf: usize,
         sampler: &mut dyn Sampler,
-    ) -> HashMap<NodeKey, Vec<Item>> {
-        let mut items: Vec<Item> =
-            points.iter().enumerate().map(|(i, at)| Item { at: *at, index: i as u32 }).collect();
+    ) -> HashMap<NodeKey, Vec<IndexedPoint>> {
+        let mut items: Vec<IndexedPoint> =
+            points.iter().enumerate().map(|(i, at)| IndexedPoint { at: *at, index: i as u32 }).collect();
         let mut spare = items.clone();
-        let mut builder = Builder::new(bits, leaf, sampler, Collect::default());
+        let mut builder = LocalOctreeBuilder::new(bits, leaf, sampler, Collect::default());
         let root = builder.build(NodeKey::ROOT, &mut items, &mut spare).unwrap();
         let mut nodes = builder.emit.0;
         nodes.insert(NodeKey::ROOT, root.items);

@@ -35,15 +35,15 @@ pub fn thin(limit: usize, taken: &mut [bool]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sampling::sampler::Item;
+    use super::super::sampling::sampler::IndexedPoint;
     use super::*;
-    use crate::octree::cube::Frame;
+    use crate::octree::cube::NodeCube;
     use crate::octree::node::NodeKey;
     use proptest::prelude::*;
 
-    fn grid(side: u32) -> Vec<Item> {
+    fn grid(side: u32) -> Vec<IndexedPoint> {
         let points = (0..side * side * side).map(|i| [i % side, i / side % side, i / side / side]);
-        points.zip(0..).map(|(at, index)| Item { at, index }).collect()
+        points.zip(0..).map(|(at, index)| IndexedPoint { at, index }).collect()
     }
 
     proptest! {
@@ -53,7 +53,7 @@ mod tests {
         ) {
             let mut items = grid(16);
             let mut spare = items.clone();
-            node_order::sort(Frame::of(4, NodeKey::ROOT), &mut items, &mut spare);
+            node_order::sort(NodeCube::of(4, NodeKey::ROOT), &mut items, &mut spare);
             let mut taken: Vec<bool> = (0..4096u64).map(|i| (gone.rotate_left(i as u32) ^ i) % 5 != 0).collect();
             let before = taken.clone();
             thin(limit, &mut taken);

@@ -8,8 +8,8 @@
 //! prefix holds the cell's share of m to within two points (and within
 //! 2 + log2 m for any m).
 
-use super::sampling::sampler::Item;
-use crate::octree::cube::{Frame, SPACING_BITS};
+use super::sampling::sampler::IndexedPoint;
+use crate::octree::cube::{NodeCube, SPACING_BITS};
 
 /// Bits an axis that decide the Morton order of a leaf: 64 cells, the spacing of
 /// its parent. Two digits of nine bits, each few enough buckets for the core's
@@ -37,7 +37,7 @@ const SPREAD: [u32; 1 << BITS] = {
 
 /// Morton code of coordinates within a node.
 #[inline]
-pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
+pub fn morton(frame: NodeCube, at: [u32; 3]) -> u32 {
     let down = frame.side_bits.saturating_sub(BITS);
     let [x, y, z] = frame.local(at).map(|c| SPREAD[(c >> down) as usize & (SPREAD.len() - 1)]);
     x << 2 | y << 1 | z
@@ -47,7 +47,7 @@ pub fn morton(frame: Frame, at: [u32; 3]) -> u32 {
 ///
 /// Only leaves are sorted: a sample taken in order from sorted children is in
 /// order itself.
-pub fn sort(frame: Frame, items: &mut [Item], spare: &mut [Item]) {
+pub fn sort(frame: NodeCube, items: &mut [IndexedPoint], spare: &mut [IndexedPoint]) {
     if items.len() < FEW {
         return items.sort_by_key(|item| morton(frame, item.at));
     }
@@ -116,9 +116,9 @@ mod tests {
             points in proptest::collection::vec((0u32..256, 0u32..256, 0u32..256), 1..2 * FEW),
             levels in 1u32..4,
         ) {
-            let frame = Frame { origin: [0; 3], side_bits: 8 };
-            let mut items: Vec<Item> = points.iter().enumerate()
-                .map(|(i, (x, y, z))| Item { at: [*x, *y, *z], index: i as u32 }).collect();
+            let frame = NodeCube { origin: [0; 3], side_bits: 8 };
+            let mut items: Vec<IndexedPoint> = points.iter().enumerate()
+                .map(|(i, (x, y, z))| IndexedPoint { at: [*x, *y, *z], index: i as u32 }).collect();
             let mut plainly = items.clone();
             plainly.sort_by_key(|i| morton(frame, i.at));
             let mut spare = items.clone();

@@ -25,7 +25,7 @@ pub const SHRINK: u64 = 16;
 
 /// The part of a cloud that holds all but its outliers, in cells of the census.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Kept {
+pub struct InlierBox {
     pub low: [u32; 3],
     pub high: [u32; 3],
     /// Points outside.
@@ -39,7 +39,7 @@ pub fn most(points: u64) -> u64 {
 }
 
 /// Finds the outliers of a cloud, at most `most` of them.
-pub fn find(grid: &Grid, most: u64) -> Option<Kept> {
+pub fn find(grid: &Grid, most: u64) -> Option<InlierBox> {
     let along = marginals(grid);
     let [Some(x), Some(y), Some(z)] = along.each_ref().map(|counts| stretch(counts, most)) else {
         return None;
@@ -50,14 +50,14 @@ pub fn find(grid: &Grid, most: u64) -> Option<Kept> {
         return None;
     }
     let cells = occupied(grid);
-    let mut kept = Kept { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1], outliers: 0 };
+    let mut kept = InlierBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1], outliers: 0 };
     while grow(&mut kept, &cells) {}
     kept.outliers = cells.iter().filter(|(at, _)| !holds(&kept, *at)).map(|(_, n)| n).sum();
     let rest = (0..3).map(|a| length((kept.low[a], kept.high[a]))).max()?;
     (kept.outliers > 0 && kept.outliers <= most && all >= SHRINK * rest).then_some(kept)
 }
 
-type Cell = ([u32; 3], u64);
+type WeightedCell = ([u32; 3], u64);
 
 /// Points along each axis.
 fn marginals(grid: &Grid) -> [Vec<u64>; 3] {
@@ -77,7 +77,7 @@ fn marginals(grid: &Grid) -> [Vec<u64>; 3] {
     along
 }
 
-fn occupied(grid: &Grid) -> Vec<Cell> {
+fn occupied(grid: &Grid) -> Vec<WeightedCell> {
     let [dx, dy, _] = grid.dims.map(|d| d as usize);
     let cells = grid.dims.iter().map(|d| *d as usize).product();
     (0..cells)
@@ -105,7 +105,7 @@ fn stretch(counts: &[u64], most: u64) -> Option<(u32, u32)> {
 }
 
 /// Takes in the cells that are no farther away than the box is long.
-fn grow(kept: &mut Kept, cells: &[Cell]) -> bool {
+fn grow(kept: &mut InlierBox, cells: &[WeightedCell]) -> bool {
     let reach = (0..3).map(|a| length((kept.low[a], kept.high[a]))).max().unwrap_or(0) as u32;
     let before = *kept;
     for (at, _) in cells {
@@ -122,7 +122,7 @@ fn grow(kept: &mut Kept, cells: &[Cell]) -> bool {
     *kept != before
 }
 
-fn holds(kept: &Kept, at: [u32; 3]) -> bool {
+fn holds(kept: &InlierBox, at: [u32; 3]) -> bool {
     (0..3).all(|a| kept.low[a] <= at[a] && at[a] <= kept.high[a])
 }
 
@@ -139,19 +139,19 @@ fn length((low, high): (u32, u32)) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::counting_grid::Census;
+    use super::super::counting_grid::CountingGrid;
     use super::*;
 
     /// A census over everything, as the survey makes it.
-    fn found(points: &[[u32; 3]]) -> Option<Kept> {
+    fn found(points: &[[u32; 3]]) -> Option<InlierBox> {
         found_of(points, most(points.len() as u64))
     }
 
-    fn found_of(points: &[[u32; 3]], most: u64) -> Option<Kept> {
+    fn found_of(points: &[[u32; 3]], most: u64) -> Option<InlierBox> {
         let bound = |f: fn(u32, u32) -> u32, start| {
             points.iter().fold([start; 3], |m, p| std::array::from_fn(|a| f(m[a], p[a])))
         };
-        let census = Census::new(31, bound(u32::min, u32::MAX), bound(u32::max, 0), 1 << 20);
+        let census = CountingGrid::new(31, bound(u32::min, u32::MAX), bound(u32::max, 0), 1 << 20);
         census.count(points.iter().copied());
         find(&census.grids[0], most)
     }

@@ -6,12 +6,12 @@
 
 use super::attribute::{Attribute, ExtraField, RGB, Scalar, Schema};
 use super::attribute_names::{merge, viewing_order};
-use super::record_converter::Mover;
+use super::record_converter::RecordConverter;
 use super::standard_fields::{FieldLocation, fields};
 
 /// One file's raw records.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Source {
+pub struct RecordFormat {
     /// LAS point format, 0 to 10.
     pub format: u8,
     /// Bytes a record, extra bytes included.
@@ -19,7 +19,7 @@ pub struct Source {
     pub extra: Vec<ExtraField>,
 }
 
-impl Source {
+impl RecordFormat {
     /// Every attribute the records hold, with where it lies.
     fn attributes(&self, second_color: Option<&'static str>) -> Vec<(Attribute, FieldLocation, bool)> {
         let standard = fields(self.format, second_color)
@@ -63,28 +63,28 @@ pub fn or_records(ored: &mut [u8], records: &[u8]) {
 /// Where each source's fields go: the schema all files share, and the source's
 /// attributes by their place in it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Unified {
+pub struct UnifiedSchema {
     pub schema: Schema,
     /// Names that were left out because no record uses them.
     pub unused: Vec<String>,
     /// Names that were left out because others were asked for.
     pub left_out: Vec<String>,
-    movers: Vec<Mover>,
+    movers: Vec<RecordConverter>,
     /// By source, the attribute of each of its extra fields.
     extra: Vec<Vec<String>>,
 }
 
-impl Unified {
+impl UnifiedSchema {
     /// The schema that holds every attribute of every source. `ored` has each
     /// source's records ORed into one. `wanted` names the attributes to keep:
     /// all where it is empty, and where it is `auto` those that are not zero in
     /// every record. `second_color` names one that goes with `rgb` and is a copy
     /// of it at first.
     pub fn new(
-        sources: &[(Source, Vec<u8>)],
+        sources: &[(RecordFormat, Vec<u8>)],
         wanted: &[String],
         second_color: Option<&'static str>,
-    ) -> Unified {
+    ) -> UnifiedSchema {
         let mut merged: Vec<(Attribute, bool)> = Vec::new();
         let mut places: Vec<Vec<(usize, FieldLocation)>> = Vec::new();
         let mut extra = Vec::new();
@@ -92,7 +92,7 @@ impl Unified {
             let mut of_source = Vec::new();
             let standard = fields(source.format, second_color).len();
             for (attribute, place, always) in source.attributes(second_color) {
-                let used = (always && !is_auto(wanted)) || Source::is_used(place, ored);
+                let used = (always && !is_auto(wanted)) || RecordFormat::is_used(place, ored);
                 let taken: Vec<usize> = of_source.iter().map(|(i, _)| *i).collect();
                 let is_extra = taken.len() >= standard;
                 let index = merge(&mut merged, attribute, used, is_extra, &taken);
@@ -121,8 +121,8 @@ impl Unified {
                 without.push(attribute.name.clone());
             }
         }
-        let movers = places.iter().map(|p| Mover::new(p, &offsets, at)).collect();
-        Unified { schema, unused, left_out, movers, extra }
+        let movers = places.iter().map(|p| RecordConverter::new(p, &offsets, at)).collect();
+        UnifiedSchema { schema, unused, left_out, movers, extra }
     }
 
     /// The names that a source's extra fields have as attributes, in their order.
@@ -131,7 +131,7 @@ impl Unified {
     }
 
     /// How to move the fields of a source's records.
-    pub fn mover(&self, source: usize) -> &Mover {
+    pub fn mover(&self, source: usize) -> &RecordConverter {
         &self.movers[source]
     }
 }
@@ -187,17 +187,17 @@ mod tests {
     use super::super::attribute::{RGB_AVERAGE, RGB_ORIGINAL};
     use super::*;
 
-    fn source(format: u8, record_length: usize) -> Source {
-        Source { format, record_length, extra: Vec::new() }
+    fn source(format: u8, record_length: usize) -> RecordFormat {
+        RecordFormat { format, record_length, extra: Vec::new() }
     }
 
-    fn names(u: &Unified) -> Vec<&str> {
+    fn names(u: &UnifiedSchema) -> Vec<&str> {
         u.schema.attributes.iter().map(|a| a.name.as_str()).collect()
     }
 
     #[test]
     fn format_2_is_as_viewers_know_it() {
-        let u = Unified::new(&[(source(2, 26), vec![0; 26])], &[], None);
+        let u = UnifiedSchema::new(&[(source(2, 26), vec![0; 26])], &[], None);
         assert_eq!(
             names(&u),
             [
@@ -220,7 +220,7 @@ mod tests {
         let mut ored = vec![0; 20];
         ored[14] = 0b1000_0000;
         ored[15] = 0b0100_0000;
-        let u = Unified::new(&[(source(0, 20), ored.clone())], &[], None);
+        let u = UnifiedSchema::new(&[(source(0, 20), ored.clone())], &[], None);
         assert!(names(&u).contains(&"edge of flight line"));
         assert!(names(&u).contains(&"classification flags"));
         assert!(!names(&u).contains(&"scan direction flag"));
@@ -264,9 +264,9 @@ mod tests {
             scale: vec![],
             offset: vec![],
         };
-        let a = Source { format: 0, record_length: 24, extra: vec![extra(Scalar::F32)] };
-        let b = Source { format: 0, record_length: 28, extra: vec![extra(Scalar::F64)] };
-        let u = Unified::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[], None);
+        let a = RecordFormat { format: 0, record_length: 24, extra: vec![extra(Scalar::F32)] };
+        let b = RecordFormat { format: 0, record_length: 28, extra: vec![extra(Scalar::F64)] };
+        let u = UnifiedSchema::new(&[(a, vec![1; 24]), (b, vec![1; 28])], &[], None);
         assert!(names(&u).contains(&"above ground") && names(&u).contains(&"above ground (2)"));
     }
 
@@ -293,8 +293,8 @@ mod tests {
         };
         let names_of_ours = ["rgb", "rgba", "position", RGB_AVERAGE, RGB_ORIGINAL];
         let extra: Vec<_> = names_of_ours.iter().zip(0..).map(|(name, i)| named(name, 20 + 6 * i)).collect();
-        let bare = Source { format: 0, record_length: 50, extra };
-        let u = Unified::new(&[(bare, vec![1; 50]), (source(2, 26), vec![1; 26])], &[], None);
+        let bare = RecordFormat { format: 0, record_length: 50, extra };
+        let u = UnifiedSchema::new(&[(bare, vec![1; 50]), (source(2, 26), vec![1; 26])], &[], None);
         for name in ["rgb (2)", "rgba (2)", "position (2)", "rgb average (2)", "rgb original (2)", "rgb"] {
             assert_eq!(names(&u).iter().filter(|n| **n == name).count(), 1, "{name}");
         }
@@ -304,8 +304,9 @@ mod tests {
     #[test]
     fn a_second_colour_goes_with_the_first_and_begins_as_it() {
         let raw: Vec<u8> = (0..34).collect();
-        let with =
-            |wanted: &[String]| Unified::new(&[(source(3, 34), raw.clone())], wanted, Some(RGB_AVERAGE));
+        let with = |wanted: &[String]| {
+            UnifiedSchema::new(&[(source(3, 34), raw.clone())], wanted, Some(RGB_AVERAGE))
+        };
         let u = with(&[]);
         let at = names(&u).iter().position(|name| *name == RGB).unwrap();
         assert_eq!(names(&u)[at + 1], RGB_AVERAGE);
@@ -320,17 +321,17 @@ mod tests {
             assert!(!names(&u).contains(&RGB_AVERAGE), "{wanted:?}");
             assert!(!u.left_out.contains(&RGB_AVERAGE.into()), "{wanted:?}");
         }
-        let black = Unified::new(&[(source(2, 26), vec![0; 26])], &["auto".into()], Some(RGB_AVERAGE));
+        let black = UnifiedSchema::new(&[(source(2, 26), vec![0; 26])], &["auto".into()], Some(RGB_AVERAGE));
         assert_eq!(names(&black), ["position"]);
         assert!(!black.unused.contains(&RGB_AVERAGE.into()) && black.unused.contains(&RGB.into()));
-        let bare = Unified::new(&[(source(1, 28), vec![1; 28])], &[], Some(RGB_AVERAGE));
+        let bare = UnifiedSchema::new(&[(source(1, 28), vec![1; 28])], &[], Some(RGB_AVERAGE));
         assert!(!names(&bare).contains(&RGB_AVERAGE));
     }
 
     #[test]
     fn files_with_and_without_colours_share_both() {
         let sources = [(source(1, 28), vec![1; 28]), (source(7, 36), vec![1; 36])];
-        let u = Unified::new(&sources, &[], Some(RGB_ORIGINAL));
+        let u = UnifiedSchema::new(&sources, &[], Some(RGB_ORIGINAL));
         let mut out = vec![0xaa; u.schema.record_size()];
         u.mover(0).apply(&[1; 28], 28, &mut out);
         assert_eq!(out[u.schema.offset_of(RGB).unwrap()..][..12], [0; 12]);
@@ -340,7 +341,7 @@ mod tests {
 
     #[test]
     fn wanted_attributes_only() {
-        let u = Unified::new(&[(source(3, 34), vec![1; 34])], &["RGB".into()], None);
+        let u = UnifiedSchema::new(&[(source(3, 34), vec![1; 34])], &["RGB".into()], None);
         assert_eq!(names(&u), ["position", "rgb"]);
         let raw: Vec<u8> = (0..34).collect();
         let mut out = vec![0; 18];

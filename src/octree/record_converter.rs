@@ -6,7 +6,7 @@ use super::standard_fields::FieldLocation;
 
 /// The moves that turn one source's raw records into octree records.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Mover {
+pub struct RecordConverter {
     /// Bytes of an octree record.
     size: usize,
     /// From, to, how many bytes.
@@ -17,11 +17,15 @@ pub struct Mover {
     zeros: Vec<usize>,
 }
 
-impl Mover {
+impl RecordConverter {
     /// From a source's places, with the attribute of each, to the attributes'
     /// offsets in records of `size` bytes.
-    pub(super) fn new(places: &[(usize, FieldLocation)], offsets: &[Option<usize>], size: usize) -> Mover {
-        let mut mover = Mover { size, ..Mover::default() };
+    pub(super) fn new(
+        places: &[(usize, FieldLocation)],
+        offsets: &[Option<usize>],
+        size: usize,
+    ) -> RecordConverter {
+        let mut mover = RecordConverter { size, ..RecordConverter::default() };
         let mut filled = vec![false; size];
         filled[..POSITION].fill(true);
         for (index, place) in places {
@@ -102,7 +106,7 @@ mod tests {
     fn neighbours_on_both_sides_move_as_one() {
         let bytes = |at, len| FieldLocation::Bytes { at, len };
         let places = [(0, bytes(12, 2)), (1, bytes(16, 2)), (2, bytes(18, 8)), (3, bytes(30, 1))];
-        let mover = Mover::new(&places, &[Some(12), Some(17), Some(19), None], 27);
+        let mover = RecordConverter::new(&places, &[Some(12), Some(17), Some(19), None], 27);
         assert_eq!(mover.copies, vec![(12, 12, 2), (16, 17, 10)]);
         assert_eq!(mover.zeros, vec![14, 15, 16]);
     }
@@ -131,7 +135,7 @@ mod tests {
                 }
                 at += width;
             }
-            let mover = Mover::new(&places, &offsets, to);
+            let mover = RecordConverter::new(&places, &offsets, to);
             let raw = &bytes[..bytes.len() / at * at];
             let mut out = vec![0xaa; raw.len() / at * to];
             mover.apply(raw, at, &mut out);

@@ -19,7 +19,7 @@ pub enum FieldLocation {
 
 /// A standard field, where it lies, and whether viewers expect the attribute
 /// even where it is zero throughout.
-pub(super) struct Field {
+pub(super) struct StandardField {
     pub name: &'static str,
     pub scalar: Scalar,
     pub elements: usize,
@@ -27,23 +27,29 @@ pub(super) struct Field {
     pub always: bool,
 }
 
-const fn field(name: &'static str, scalar: Scalar, elements: usize, at: usize) -> Field {
+const fn field(name: &'static str, scalar: Scalar, elements: usize, at: usize) -> StandardField {
     let place = FieldLocation::Bytes { at, len: scalar.size() * elements };
-    Field { name, scalar, elements, place, always: true }
+    StandardField { name, scalar, elements, place, always: true }
 }
 
-const fn bits(name: &'static str, at: usize, shift: u8, mask: u8, always: bool) -> Field {
-    Field { name, scalar: Scalar::U8, elements: 1, place: FieldLocation::Bits { at, shift, mask }, always }
+const fn bits(name: &'static str, at: usize, shift: u8, mask: u8, always: bool) -> StandardField {
+    StandardField {
+        name,
+        scalar: Scalar::U8,
+        elements: 1,
+        place: FieldLocation::Bits { at, shift, mask },
+        always,
+    }
 }
 
-const fn optional(field: Field) -> Field {
-    Field { always: false, ..field }
+const fn optional(field: StandardField) -> StandardField {
+    StandardField { always: false, ..field }
 }
 
 /// The standard fields of a point format behind the position, in the order in
 /// which viewers list them (FORMATS.md); what they have no name for comes last.
 /// A second colour, where one is named, begins as the first.
-pub(super) fn fields(format: u8, second_color: Option<&'static str>) -> Vec<Field> {
+pub(super) fn fields(format: u8, second_color: Option<&'static str>) -> Vec<StandardField> {
     let mut fields = vec![field("intensity", Scalar::U16, 1, 12)];
     if format < 6 {
         fields.extend([

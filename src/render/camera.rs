@@ -6,7 +6,7 @@ const TAN_HALF: f64 = 0.364;
 
 /// A camera on an orbit around what it looks at.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shot {
+pub struct OrbitCamera {
     /// What lies in the middle of the picture, in world units.
     pub target: [f64; 3],
     /// Counted from east to north, in radians: where the eye stands, seen from
@@ -28,7 +28,7 @@ pub struct Camera {
     pub forward: [f64; 3],
 }
 
-impl Shot {
+impl OrbitCamera {
     pub fn camera(&self) -> Camera {
         let outward = direction(self.azimuth, self.elevation);
         let eye = std::array::from_fn(|i| self.target[i] + outward[i] * self.distance);
@@ -39,8 +39,8 @@ impl Shot {
     }
 
     /// The same shot, turned around the target by a share of a full circle.
-    pub fn turned(&self, share: f64) -> Shot {
-        Shot { azimuth: self.azimuth + share * std::f64::consts::TAU, ..*self }
+    pub fn turned(&self, share: f64) -> OrbitCamera {
+        OrbitCamera { azimuth: self.azimuth + share * std::f64::consts::TAU, ..*self }
     }
 }
 
@@ -84,7 +84,7 @@ mod tests {
             distance in 0.1..1e7f64,
             x in -1e7..1e7f64,
         ) {
-            let shot = Shot { target: [x, -2.0 * x, 5.0], azimuth, elevation, distance };
+            let shot = OrbitCamera { target: [x, -2.0 * x, 5.0], azimuth, elevation, distance };
             let camera = shot.camera();
             let [right, up, away] = camera.view(shot.target);
             prop_assert!(right.abs() < 1e-6 * distance.max(x.abs()));
@@ -101,8 +101,12 @@ mod tests {
     /// Seen from the south, east is to the right.
     #[test]
     fn the_world_is_not_mirrored() {
-        let shot =
-            Shot { target: [0.0; 3], azimuth: -std::f64::consts::FRAC_PI_2, elevation: 0.3, distance: 10.0 };
+        let shot = OrbitCamera {
+            target: [0.0; 3],
+            azimuth: -std::f64::consts::FRAC_PI_2,
+            elevation: 0.3,
+            distance: 10.0,
+        };
         assert!(shot.camera().view([1.0, 0.0, 0.0])[0] > 0.9);
         assert!(shot.camera().view([0.0, 0.0, 1.0])[1] > 0.9);
     }

@@ -9,7 +9,7 @@ use super::error::{RenderError, Result};
 use super::lone_points::Neighborhood;
 use super::octree::Octree;
 use super::palette;
-use super::sample::{Sample, percentile};
+use super::sample::{CoarseSample, percentile};
 use crate::deserialize_choice;
 use crate::octree::attribute::{RGB, RGB_AVERAGE, Scalar, Schema};
 
@@ -30,7 +30,7 @@ deserialize_choice!(ColorBy);
 
 /// How a record becomes a color.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Painter {
+pub enum ColorMapper {
     /// Three values from `offset` on, of two bytes each.
     Rgb {
         offset: usize,
@@ -40,7 +40,7 @@ pub enum Painter {
         small_gain: f32,
         /// What paints points that are black throughout, where so many are that they
         /// have no color rather than that one.
-        bare: Option<Box<Painter>>,
+        bare: Option<Box<ColorMapper>>,
     },
     /// The value at `offset`, of two bytes: `low` is dark, `low + range` light.
     Intensity {
@@ -50,8 +50,8 @@ pub enum Painter {
     },
     /// Height in color, intensity as its light.
     Blend {
-        height: Range,
-        intensity: Range,
+        height: ValueRange,
+        intensity: ValueRange,
         offset: usize,
     },
     Classification {
@@ -68,27 +68,27 @@ pub enum Painter {
 
 /// What is darkest, and how much more is lightest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct ValueRange {
     pub low: f64,
     pub range: f64,
 }
 
-impl Range {
+impl ValueRange {
     fn share(self, value: f64) -> f64 {
         (value - self.low) / self.range
     }
 }
 
-impl Painter {
+impl ColorMapper {
     /// The painter that is asked for; `Auto` never fails.
-    pub fn choose(octree: &Octree, sample: &Sample, by: ColorBy) -> Result<Painter> {
+    pub fn choose(octree: &Octree, sample: &CoarseSample, by: ColorBy) -> Result<ColorMapper> {
         let schema = &octree.schema;
         let missing = |attribute| RenderError::NoAttribute { folder: octree.folder.clone(), attribute };
         match by {
             ColorBy::Rgb => {
                 let offset = own_color(octree).ok_or_else(|| missing("rgb"))?;
                 let gain = 1.0 / 256.0;
-                let plain = Painter::Rgb { offset, gain, small_gain: gain, bare: None };
+                let plain = ColorMapper::Rgb { offset, gain, small_gain: gain, bare: None };
                 Ok(rgb(octree, sample, offset).unwrap_or(plain))
             }
             ColorBy::Intensity => {
@@ -97,7 +97,7 @@ impl Painter {
             }
             ColorBy::Classification => {
                 let offset = class_byte(schema).ok_or_else(|| missing("classification"))?;
-                Ok(Painter::Classification { offset })
+                Ok(ColorMapper::Classification { offset })
             }
             ColorBy::Height => Ok(height(sample)),
             ColorBy::Auto => Ok(automatic(octree, sample)),
@@ -107,19 +107,19 @@ impl Painter {
     /// The name of what is shown, as the metadata has it.
     pub fn shows(&self) -> &'static str {
         match self {
-            Painter::Rgb { .. } => "rgb",
-            Painter::Intensity { .. } => "intensity",
-            Painter::Blend { .. } => "intensity and height",
-            Painter::Classification { .. } => "classification",
-            Painter::Height { .. } => "height",
-            Painter::Plain => "nothing",
+            ColorMapper::Rgb { .. } => "rgb",
+            ColorMapper::Intensity { .. } => "intensity",
+            ColorMapper::Blend { .. } => "intensity and height",
+            ColorMapper::Classification { .. } => "classification",
+            ColorMapper::Height { .. } => "height",
+            ColorMapper::Plain => "nothing",
         }
     }
 
     /// The color of a point.
     pub fn paint(&self, record: &[u8], z: f64) -> [u8; 3] {
         match *self {
-            Painter::Rgb { offset, gain, small_gain, ref bare } => {
+            ColorMapper::Rgb { offset, gain, small_gain, ref bare } => {
                 let color = color_at(record, offset);
                 match (brightest(color), bare) {
                     (0, Some(bare)) => bare.paint(record, z),
@@ -127,17 +127,19 @@ impl Painter {
                     _ => color.map(|value| (f32::from(value) * gain).min(255.0) as u8),
                 }
             }
-            Painter::Intensity { offset, low, range } => {
+            ColorMapper::Intensity { offset, low, range } => {
                 palette::grey((f64::from(u16_at(record, offset)) - low) / range)
             }
-            Painter::Blend { height, intensity, offset } => {
+            ColorMapper::Blend { height, intensity, offset } => {
                 let light = intensity.share(f64::from(u16_at(record, offset))).clamp(0.0, 1.0);
                 let light = DIMMEST + (1.0 - DIMMEST) * light;
                 palette::height(height.share(z)).map(|value| (f64::from(value) * light) as u8)
             }
-            Painter::Classification { offset } => palette::class(record.get(offset).copied().unwrap_or(0)),
-            Painter::Height { low, range } => palette::height((z - low) / range),
-            Painter::Plain => palette::grey(0.5),
+            ColorMapper::Classification { offset } => {
+                palette::class(record.get(offset).copied().unwrap_or(0))
+            }
+            ColorMapper::Height { low, range } => palette::height((z - low) / range),
+            ColorMapper::Plain => palette::grey(0.5),
         }
     }
 }
@@ -157,26 +159,27 @@ const GRAINY: f64 = 0.65;
 /// Intensities of which this share is the largest value are cut off there.
 const SATURATED: f64 = 0.05;
 
-fn automatic(octree: &Octree, sample: &Sample) -> Painter {
+fn automatic(octree: &Octree, sample: &CoarseSample) -> ColorMapper {
     let schema = &octree.schema;
     let own = own_color(octree).and_then(|offset| rgb(octree, sample, offset));
     let by_intensity = || {
         let painter = intensity(sample, two_bytes(schema, "intensity", 1)?);
-        matches!(painter, Painter::Intensity { range, .. } if range > 1.0).then(|| shaped(sample, painter))
+        matches!(painter, ColorMapper::Intensity { range, .. } if range > 1.0)
+            .then(|| shaped(sample, painter))
     };
     let by_class = || {
         let offset = class_byte(schema)?;
         // 0 and 1 say that nobody has looked.
         let told = sample.records().filter(|record| record[offset] > 1).count();
-        (told * 20 > sample.size()).then_some(Painter::Classification { offset })
+        (told * 20 > sample.size()).then_some(ColorMapper::Classification { offset })
     };
     own.or_else(by_intensity).or_else(by_class).unwrap_or_else(|| height(sample))
 }
 
 /// Intensity where it shows something; with the height, or the height alone, where it
 /// is noise or cut off. A cloud without heights has nothing else to show.
-fn shaped(sample: &Sample, painter: Painter) -> Painter {
-    let Painter::Intensity { offset, low, range } = painter else { return painter };
+fn shaped(sample: &CoarseSample, painter: ColorMapper) -> ColorMapper {
+    let ColorMapper::Intensity { offset, low, range } = painter else { return painter };
     let (bottom, top) = heights(sample);
     if top <= bottom {
         return painter;
@@ -186,10 +189,11 @@ fn shaped(sample: &Sample, painter: Painter) -> Painter {
     let cut_off = sample.records().filter(|record| value(record) == most).count();
     let graininess = graininess(sample, offset);
     if graininess >= NOISE {
-        Painter::Height { low: bottom, range: top - bottom }
+        ColorMapper::Height { low: bottom, range: top - bottom }
     } else if graininess >= GRAINY || cut_off as f64 >= SATURATED * sample.size() as f64 {
-        let (height, intensity) = (Range { low: bottom, range: top - bottom }, Range { low, range });
-        Painter::Blend { height, intensity, offset }
+        let (height, intensity) =
+            (ValueRange { low: bottom, range: top - bottom }, ValueRange { low, range });
+        ColorMapper::Blend { height, intensity, offset }
     } else {
         painter
     }
@@ -197,7 +201,7 @@ fn shaped(sample: &Sample, painter: Painter) -> Painter {
 
 /// How much the intensities of neighbors differ, as a share of how much those of any
 /// two points do: 1 is noise, 0 is smooth.
-fn graininess(sample: &Sample, offset: usize) -> f64 {
+fn graininess(sample: &CoarseSample, offset: usize) -> f64 {
     let mut values: Vec<f64> = sample.records().map(|record| f64::from(u16_at(record, offset))).collect();
     // Positions that are no numbers have no neighbors.
     let Some(neighborhood) = Neighborhood::of(&sample.positions) else { return 0.0 };
@@ -229,7 +233,7 @@ fn brightest(color: [u16; 3]) -> u16 {
 /// Colors, unless hardly a point has one, or all have the same. Black throughout is
 /// none. Values of eight bits in the sixteen of the field are recognized by the points
 /// themselves, and pictures that are far too dark are lightened.
-fn rgb(octree: &Octree, sample: &Sample, offset: usize) -> Option<Painter> {
+fn rgb(octree: &Octree, sample: &CoarseSample, offset: usize) -> Option<ColorMapper> {
     let all: Vec<[u16; 3]> = sample.records().map(|record| color_at(record, offset)).collect();
     let first = all.iter().find(|color| brightest(**color) > 0)?;
     let mut colored: Vec<f64> =
@@ -254,7 +258,7 @@ fn rgb(octree: &Octree, sample: &Sample, offset: usize) -> Option<Painter> {
     let gain = if large.is_empty() { 1.0 / 256.0 } else { gain(&mut large, 65_535.0, 1.0 / 256.0) };
     let small_gain = if of_eight { gain_of_small(&mut small) } else { gain };
     let bare = is_many(bare, all.len(), BARE).then(|| Box::new(uncolored(octree, sample, offset)));
-    Some(Painter::Rgb { offset, gain: gain as f32, small_gain: small_gain as f32, bare })
+    Some(ColorMapper::Rgb { offset, gain: gain as f32, small_gain: small_gain as f32, bare })
 }
 
 fn is_many(some: usize, of: usize, share: f64) -> bool {
@@ -273,22 +277,22 @@ fn gain(values: &mut [f64], full: f64, usual: f64) -> f64 {
 
 /// What paints points without a color among colored ones: a grey, so that nobody takes
 /// it for a color; by the intensity of such points, and of height where they have none.
-fn uncolored(octree: &Octree, sample: &Sample, color: usize) -> Painter {
+fn uncolored(octree: &Octree, sample: &CoarseSample, color: usize) -> ColorMapper {
     let is_bare = |record: &&[u8]| brightest(color_at(record, color)) == 0;
     let by_intensity = two_bytes(&octree.schema, "intensity", 1).and_then(|offset| {
         let mut values: Vec<f64> =
             sample.records().filter(is_bare).map(|record| f64::from(u16_at(record, offset))).collect();
         let (low, high) = (percentile(&mut values, 0.02), percentile(&mut values, 0.98));
-        (high > low).then_some(Painter::Intensity { offset, low, range: (high - low).max(1.0) })
+        (high > low).then_some(ColorMapper::Intensity { offset, low, range: (high - low).max(1.0) })
     });
-    by_intensity.unwrap_or(Painter::Plain)
+    by_intensity.unwrap_or(ColorMapper::Plain)
 }
 
 /// The range that UnityPIC shows (section 5): of each node two standard
 /// deviations to either side of the mean, weighted by its points; here of
 /// values between the 0.5th and the 99.5th percentile, since a few mirrors and
 /// retroreflectors outshine all the rest.
-fn intensity(sample: &Sample, offset: usize) -> Painter {
+fn intensity(sample: &CoarseSample, offset: usize) -> ColorMapper {
     let value = |record: &[u8]| f64::from(u16_at(record, offset));
     let mut all: Vec<f64> = sample.records().map(value).collect();
     let (floor, ceiling) = (percentile(&mut all, 0.005), percentile(&mut all, 0.995));
@@ -303,21 +307,21 @@ fn intensity(sample: &Sample, offset: usize) -> Painter {
         weight += count;
     }
     let (low, high) = if weight > 0.0 { (low / weight, high / weight) } else { (0.0, 0.0) };
-    Painter::Intensity { offset, low, range: (high - low).max(1.0) }
+    ColorMapper::Intensity { offset, low, range: (high - low).max(1.0) }
 }
 
 /// The color of the middle where a cloud is level.
-fn height(sample: &Sample) -> Painter {
+fn height(sample: &CoarseSample) -> ColorMapper {
     let (low, high) = heights(sample);
     match high > low {
-        true => Painter::Height { low, range: high - low },
-        false => Painter::Height { low: low - 0.5, range: 1.0 },
+        true => ColorMapper::Height { low, range: high - low },
+        false => ColorMapper::Height { low: low - 0.5, range: 1.0 },
     }
 }
 
 /// Lowest and highest of what does not stand alone: noise in the sky is not to take the
 /// colors.
-fn heights(sample: &Sample) -> (f64, f64) {
+fn heights(sample: &CoarseSample) -> (f64, f64) {
     let mut heights: Vec<f64> = sample.together.iter().map(|p| p[2]).collect();
     (percentile(&mut heights, 0.01), percentile(&mut heights, 0.99))
 }

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::error::Result;
-use crate::format::copc::{CopcFile, Entry};
+use crate::format::copc::{CopcEntry, CopcFile};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
-use crate::format::potree::{Encoding, Generator, Metadata, Node, NodeName, attribute_entry};
+use crate::format::potree::{Generator, Metadata, Node, NodeName, PotreeEncoding, attribute_entry};
 use crate::octree::attribute::{RGB_AVERAGE, Schema};
 use crate::octree::statistics::AttributeStatistics;
 
@@ -66,7 +66,7 @@ impl CopcNodes {
     }
 }
 
-fn node(entry: &Entry) -> Option<Node> {
+fn node(entry: &CopcEntry) -> Option<Node> {
     let name = NodeName::from_cell(entry.key.level, entry.key.at.map(u64::from))?;
     let (points, offset, size) = (entry.points, entry.offset, u64::from(entry.size));
     Some(Node { name, child_mask: 0, points, offset, size })
@@ -101,7 +101,7 @@ fn metadata(file: &CopcFile) -> Metadata {
             min: cube.center.map(|center| center - cube.halfsize),
             max: cube.center.map(|center| center + cube.halfsize),
         },
-        encoding: Encoding::Default,
+        encoding: PotreeEncoding::Default,
         generator: has_averages.then(|| Generator {
             name: String::new(),
             version: String::new(),

@@ -20,14 +20,14 @@ const BATCH: usize = 1 << 14;
 /// Buffers that are kept from frame to frame.
 #[derive(Default)]
 pub struct Cpu {
-    tiles: Vec<Buffers>,
+    tiles: Vec<TileBuffers>,
     across: u32,
     surface: Vec<Surface>,
     other: Vec<Surface>,
 }
 
 /// The pixels of a tile.
-struct Buffers {
+struct TileBuffers {
     left: u32,
     top: u32,
     width: u32,
@@ -79,7 +79,7 @@ impl Cpu {
                 let (width, height) = ((width - left).min(SIDE), (height - top).min(SIDE));
                 let pixels = (width * height) as usize;
                 let (depths, sums) = (vec![NO_DEPTH; pixels], vec![Sums::default(); pixels]);
-                Buffers { left, top, width, height, depths, sums }
+                TileBuffers { left, top, width, height, depths, sums }
             };
             self.tiles = (0..across * down).map(tile).collect();
             self.across = across;
@@ -154,7 +154,7 @@ impl Cpu {
     }
 }
 
-impl Buffers {
+impl TileBuffers {
     fn tile(&mut self) -> Tile<'_> {
         Tile {
             left: self.left as i32,

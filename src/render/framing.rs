@@ -4,8 +4,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::camera::{Shot, dot, focal};
-use super::plane::{self, Plane};
+use super::camera::{OrbitCamera, dot, focal};
+use super::plane::{self, PlaneView};
 use super::sample::percentile;
 
 /// A way of looking at a cloud.
@@ -42,11 +42,11 @@ struct Bulk {
 
 /// The shot of a view for a picture of a size; `all_around` where it must hold
 /// the cloud from every azimuth.
-pub fn frame(points: &[[f64; 3]], view: View, [width, height]: [u32; 2], all_around: bool) -> Shot {
+pub fn frame(points: &[[f64; 3]], view: View, [width, height]: [u32; 2], all_around: bool) -> OrbitCamera {
     let bulk = bulk(points);
     let (azimuth, elevation) = direction_of(&bulk, view);
     let middle = std::array::from_fn(|i| (bulk.low[i] + bulk.high[i]) / 2.0);
-    let mut shot = Shot { target: middle, azimuth, elevation, distance: 1.0 };
+    let mut shot = OrbitCamera { target: middle, azimuth, elevation, distance: 1.0 };
     let focal = focal(width, height);
     let slopes = [f64::from(width), f64::from(height)].map(|side| side / 2.0 / focal * MARGIN);
     let azimuths: Vec<f64> = match all_around {
@@ -58,7 +58,7 @@ pub fn frame(points: &[[f64; 3]], view: View, [width, height]: [u32; 2], all_aro
         let mut distance = 0.0f64;
         let mut shift = [0.0; 3];
         for &azimuth in &azimuths {
-            let (needed, centred) = fit(&bulk.points, &Shot { azimuth, ..shot }, slopes);
+            let (needed, centred) = fit(&bulk.points, &OrbitCamera { azimuth, ..shot }, slopes);
             distance = distance.max(needed);
             // A turntable turns around its axis: only up and down.
             let moved = if all_around { [0.0, 0.0, centred[2]] } else { centred };
@@ -81,8 +81,8 @@ pub fn frame(points: &[[f64; 3]], view: View, [width, height]: [u32; 2], all_aro
 
 /// How far away all points fit, and how far the target must move, in world
 /// units, so that they lie around the middle.
-fn fit(points: &[[f64; 3]], shot: &Shot, slopes: [f64; 2]) -> (f64, [f64; 3]) {
-    let camera = Shot { distance: 1.0, ..*shot }.camera();
+fn fit(points: &[[f64; 3]], shot: &OrbitCamera, slopes: [f64; 2]) -> (f64, [f64; 3]) {
+    let camera = OrbitCamera { distance: 1.0, ..*shot }.camera();
     let mut needed = 0.0f64;
     // Positions as seen from the target, not from the eye.
     let seen = |point: &[f64; 3]| {
@@ -113,7 +113,7 @@ fn fit(points: &[[f64; 3]], shot: &Shot, slopes: [f64; 2]) -> (f64, [f64; 3]) {
 /// From where a shape is seen well: azimuth and elevation, in radians.
 fn direction_of(bulk: &Bulk, view: View) -> (f64, f64) {
     let extent: [f64; 3] = std::array::from_fn(|i| bulk.high[i] - bulk.low[i]);
-    if let (View::Overview, Some(Plane { azimuth, elevation })) = (view, plane::facing(&bulk.points)) {
+    if let (View::Overview, Some(PlaneView { azimuth, elevation })) = (view, plane::facing(&bulk.points)) {
         return (azimuth, elevation);
     }
     let across = extent[0].hypot(extent[1]).max(f64::MIN_POSITIVE);
@@ -197,7 +197,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn screen(shot: &Shot, point: [f64; 3], [w, h]: [u32; 2]) -> [f64; 2] {
+    fn screen(shot: &OrbitCamera, point: [f64; 3], [w, h]: [u32; 2]) -> [f64; 2] {
         let [x, y, z] = shot.camera().view(point);
         let f = focal(w, h);
         [f64::from(w) / 2.0 + x / z * f, f64::from(h) / 2.0 - y / z * f]

@@ -16,11 +16,11 @@ const MOST: f64 = 0.2;
 /// one before as the third root of two says, a million at the most.
 const DEEPEST: u32 = 60;
 
-type Cell = [i32; 3];
-type Cells = HashMap<u64, Vec<u32>, BuildHasherDefault<Mixed>>;
+type GridCell = [i32; 3];
+type CellTable = HashMap<u64, Vec<u32>, BuildHasherDefault<Mixed>>;
 
 /// A cell in one number; coordinates reach from -1 to a million.
-fn key([x, y, z]: Cell) -> u64 {
+fn key([x, y, z]: GridCell) -> u64 {
     let part = |c: i32| (c + 1) as u64;
     part(x) | part(y) << 21 | part(z) << 42
 }
@@ -44,9 +44,9 @@ impl Hasher for Mixed {
 /// A cloud on a grid whose cells a usual point shares with some others.
 pub struct Neighborhood<'p> {
     points: &'p [[f64; 3]],
-    cells: Vec<Cell>,
+    cells: Vec<GridCell>,
     /// Points by cell.
-    inside: Cells,
+    inside: CellTable,
 }
 
 impl<'p> Neighborhood<'p> {
@@ -67,8 +67,8 @@ impl<'p> Neighborhood<'p> {
         let grid = |level: u32| {
             let scale = (f64::from(level) / 3.0).exp2() / side;
             let cell = |p: &[f64; 3]| std::array::from_fn(|i| ((p[i] - low[i]) * scale) as i32);
-            let cells: Vec<Cell> = points.iter().map(cell).collect();
-            let mut inside = Cells::default();
+            let cells: Vec<GridCell> = points.iter().map(cell).collect();
+            let mut inside = CellTable::default();
             for (n, cell) in (0u32..).zip(&cells) {
                 inside.entry(key(*cell)).or_default().push(n);
             }

@@ -19,7 +19,7 @@ pub const POISSON_DENSITY: f64 = 0.75;
 
 /// What a picture asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wanted {
+pub struct SelectionRequest {
     /// Distance of neighbouring points in the picture, in pixels.
     pub spacing: f64,
     /// Points to draw at most.
@@ -40,37 +40,37 @@ pub struct Chosen {
 }
 
 /// A node that waits for its turn.
-struct Candidate {
+struct WaitingNode {
     /// Spacing of the parent in the picture, in pixels.
     benefit: f64,
     name: NodeName,
     parent: Option<(u32, u8)>,
 }
 
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Candidate) -> bool {
+impl PartialEq for WaitingNode {
+    fn eq(&self, other: &WaitingNode) -> bool {
         self.cmp(other).is_eq()
     }
 }
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Candidate) -> Option<std::cmp::Ordering> {
+impl Eq for WaitingNode {}
+impl PartialOrd for WaitingNode {
+    fn partial_cmp(&self, other: &WaitingNode) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Candidate {
-    fn cmp(&self, other: &Candidate) -> std::cmp::Ordering {
+impl Ord for WaitingNode {
+    fn cmp(&self, other: &WaitingNode) -> std::cmp::Ordering {
         self.benefit.total_cmp(&other.benefit).then(other.name.cmp(&self.name))
     }
 }
 
 /// The nodes for one picture, or for all pictures of a turntable. Parents stand
 /// before their children.
-pub fn select(octree: &mut Octree, cameras: &[Camera], wanted: &Wanted) -> Result<Vec<Chosen>> {
+pub fn select(octree: &mut Octree, cameras: &[Camera], wanted: &SelectionRequest) -> Result<Vec<Chosen>> {
     let mut tight = bounds_of_points(octree);
     tight[1][2] = tight[1][2].min(wanted.top);
     let mut waiting =
-        BinaryHeap::from([Candidate { benefit: f64::INFINITY, name: NodeName::ROOT, parent: None }]);
+        BinaryHeap::from([WaitingNode { benefit: f64::INFINITY, name: NodeName::ROOT, parent: None }]);
     let mut chosen: Vec<Chosen> = Vec::new();
     let mut left = wanted.budget;
     while let Some(candidate) = waiting.pop() {
@@ -93,7 +93,7 @@ pub fn select(octree: &mut Octree, cameras: &[Camera], wanted: &Wanted) -> Resul
         if spacing > wanted.spacing {
             let children = (0..8u8).filter(|digit| node.child_mask >> digit & 1 == 1);
             waiting.extend(children.filter_map(|digit| {
-                Some(Candidate {
+                Some(WaitingNode {
                     benefit: spacing,
                     name: node.name.child(digit)?,
                     parent: Some((place, digit)),

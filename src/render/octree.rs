@@ -17,7 +17,7 @@ use crate::format::crs;
 use crate::format::finished::{self, Finished};
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::{
-    self, Encoding, Metadata, Node, NodeName, PotreeError, Proxy, decode_node, files,
+    self, Metadata, Node, NodeName, PotreeEncoding, PotreeError, Proxy, decode_node, files,
 };
 use crate::octree::attribute::Schema;
 
@@ -35,7 +35,7 @@ pub struct Octree {
     pub schema: Schema,
     /// What a unit of each axis counts in pictures: 1, or of degrees their meters.
     unit: [f64; 3],
-    source: Source,
+    source: NodeSource,
     nodes: HashMap<NodeName, Node>,
     proxies: HashMap<NodeName, Proxy>,
     /// Bytes of hierarchy.bin that no chunk has claimed: chunks in circles end.
@@ -44,13 +44,13 @@ pub struct Octree {
 }
 
 /// Where its nodes come from.
-enum Source {
-    Potree(Files),
+enum NodeSource {
+    Potree(PotreeFiles),
     Copc(Box<CopcNodes>),
 }
 
 /// The files of a Potree octree.
-struct Files {
+struct PotreeFiles {
     hierarchy: File,
     hierarchy_bytes: u64,
     points: File,
@@ -100,7 +100,7 @@ impl Octree {
             unit: unit(&metadata),
             schema: source.schema().clone(),
             metadata,
-            source: Source::Copc(Box::new(source)),
+            source: NodeSource::Copc(Box::new(source)),
             nodes,
             proxies: HashMap::new(),
             unclaimed: 0,
@@ -122,7 +122,13 @@ impl Octree {
             unit: unit(&metadata),
             metadata,
             schema,
-            source: Source::Potree(Files { hierarchy, hierarchy_bytes, points, points_bytes, holes }),
+            source: NodeSource::Potree(PotreeFiles {
+                hierarchy,
+                hierarchy_bytes,
+                points,
+                points_bytes,
+                holes,
+            }),
             nodes: HashMap::new(),
             proxies: HashMap::from([(NodeName::ROOT, first)]),
             unclaimed: hierarchy_bytes,
@@ -133,7 +139,7 @@ impl Octree {
     /// The node of a name; `None` where there is none. Opens its chunk of the
     /// hierarchy where that was not looked at yet.
     pub fn node(&mut self, name: NodeName) -> Result<Option<Node>> {
-        if let (Source::Potree(files), Some(proxy)) = (&self.source, self.proxies.remove(&name)) {
+        if let (NodeSource::Potree(files), Some(proxy)) = (&self.source, self.proxies.remove(&name)) {
             self.unclaimed = self.claim(&proxy, files.hierarchy_bytes)?;
             let records = BufReader::new(files::From { file: &files.hierarchy, at: proxy.start });
             let most = MOST_NODES.saturating_sub(self.nodes.len());
@@ -163,15 +169,15 @@ impl Octree {
     /// way.
     pub fn records(&self, node: &Node, take: u32) -> Result<Vec<u8>> {
         let files = match &self.source {
-            Source::Potree(files) => files,
-            Source::Copc(copc) => {
+            NodeSource::Potree(files) => files,
+            NodeSource::Copc(copc) => {
                 self.bytes_read.fetch_add(node.size, Ordering::Relaxed);
                 return copc.records(node, take);
             }
         };
         let size = match self.metadata.encoding {
-            Encoding::Default => u64::from(take.min(node.points)) * self.schema.record_size() as u64,
-            Encoding::Brotli => node.size,
+            PotreeEncoding::Default => u64::from(take.min(node.points)) * self.schema.record_size() as u64,
+            PotreeEncoding::Brotli => node.size,
         };
         let end = node.offset.checked_add(node.size);
         let unpacked = unpacked_size(&self.schema, self.metadata.encoding, take.min(node.points));
@@ -197,8 +203,8 @@ impl Octree {
             .map_err(|source| RenderError::Read { path: self.folder.join(potree::OCTREE), source })?;
         self.bytes_read.fetch_add(size, Ordering::Relaxed);
         match self.metadata.encoding {
-            Encoding::Default => Ok(bytes),
-            Encoding::Brotli => decode_node(&self.schema, Encoding::Brotli, node.points, &bytes)
+            PotreeEncoding::Default => Ok(bytes),
+            PotreeEncoding::Brotli => decode_node(&self.schema, PotreeEncoding::Brotli, node.points, &bytes)
                 .map_err(|source| self.damaged(source)),
         }
     }
@@ -216,7 +222,7 @@ impl Octree {
             return Ok(Vec::new());
         }
         let bytes = places.start as usize * size..places.end as usize * size;
-        if let Source::Copc(copc) = &self.source {
+        if let NodeSource::Copc(copc) = &self.source {
             // In the order of the flight line.
             let all = copc.records(node, node.points)?;
             let order = even_order(node.points).skip(places.start as usize).take(places.len());
@@ -232,7 +238,7 @@ impl Octree {
 
     /// Forgets the nodes that were looked at, and their chunks, which are read again.
     pub fn forget_nodes(&mut self) {
-        if let Source::Potree(files) = &self.source {
+        if let NodeSource::Potree(files) = &self.source {
             self.nodes = HashMap::new();
             let first = Proxy::first(self.metadata.hierarchy.first_chunk_size);
             self.proxies = HashMap::from([(NodeName::ROOT, first)]);
@@ -269,11 +275,11 @@ impl Octree {
     /// Whether [`Octree::records`] gives an even subsample of a node, however many of its
     /// points are taken.
     pub fn has_prefixes(&self) -> bool {
-        if matches!(self.source, Source::Copc(_)) {
+        if matches!(self.source, NodeSource::Copc(_)) {
             return true;
         }
         let ours = self.metadata.generator.as_ref().is_some_and(|made| made.name == "lodestone");
-        ours && self.metadata.encoding == Encoding::Default
+        ours && self.metadata.encoding == PotreeEncoding::Default
     }
 
     /// Bytes of hierarchy and points that were read so far.

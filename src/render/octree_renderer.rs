@@ -3,16 +3,16 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use super::camera::{Shot, focal};
+use super::camera::{OrbitCamera, focal};
 use super::ceiling::ceiling;
-use super::color::{ColorBy, Painter};
+use super::color::{ColorBy, ColorMapper};
 use super::error::Result;
 use super::frame::{Background, Drawing, Picture, Shading};
 use super::framing::{View, frame};
-use super::node_selection::{Wanted, bounds_of_points, select};
+use super::node_selection::{SelectionRequest, bounds_of_points, select};
 use super::octree::Octree;
 use super::renderer::{Choice, Renderer};
-use super::sample::Sample;
+use super::sample::CoarseSample;
 use super::scene::Scene;
 
 /// Pixels of a cell's side, the cells in sight below which splats grow, and the
@@ -58,7 +58,7 @@ impl Quality {
 
 /// What was looked at for a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-pub struct Effort {
+pub struct RenderStats {
     pub nodes: u64,
     pub points: u64,
     /// Bytes read for it, of hierarchy and points.
@@ -66,19 +66,19 @@ pub struct Effort {
 }
 
 /// An octree, a first look at it, and a renderer.
-pub struct Studio {
+pub struct OctreeRenderer {
     octree: Octree,
-    sample: Sample,
-    painter: Painter,
+    sample: CoarseSample,
+    painter: ColorMapper,
     /// World z of the ceiling, where there is one.
     ceiling: Option<f64>,
     renderer: Renderer,
 }
 
 /// The points of a picture, or of all pictures of a turntable.
-struct Set {
+struct PointSet {
     scene: Scene,
-    effort: Effort,
+    effort: RenderStats,
     /// Radius below which splats are too small, in pixels, where there is so
     /// little to see that one would look for it.
     least: f32,
@@ -86,32 +86,32 @@ struct Set {
 
 /// Where a picture is taken from.
 #[derive(Debug, Clone, Copy)]
-pub struct Stand {
-    shot: Shot,
+pub struct Viewpoint {
+    shot: OrbitCamera,
     /// World z above which nothing is shown.
     top: f64,
 }
 
 /// A picture that is set up: all that it needs is in memory.
 pub struct SetUp {
-    shot: Shot,
+    shot: OrbitCamera,
     size: [u32; 2],
-    set: Set,
+    set: PointSet,
 }
 
 impl SetUp {
-    pub fn effort(&self) -> Effort {
+    pub fn effort(&self) -> RenderStats {
         self.set.effort
     }
 }
 
-impl Studio {
-    pub fn open(folder: &Path, by: ColorBy, choice: Choice) -> Result<Studio> {
+impl OctreeRenderer {
+    pub fn open(folder: &Path, by: ColorBy, choice: Choice) -> Result<OctreeRenderer> {
         let mut octree = Octree::open(folder)?;
-        let sample = Sample::take(&mut octree)?;
-        let painter = Painter::choose(&octree, &sample, by)?;
+        let sample = CoarseSample::take(&mut octree)?;
+        let painter = ColorMapper::choose(&octree, &sample, by)?;
         let ceiling = ceiling(&sample.positions);
-        Ok(Studio { octree, sample, painter, ceiling, renderer: Renderer::open(choice)? })
+        Ok(OctreeRenderer { octree, sample, painter, ceiling, renderer: Renderer::open(choice)? })
     }
 
     /// What the colours show: an attribute's name, or `height`.
@@ -125,7 +125,7 @@ impl Studio {
     }
 
     /// One picture.
-    pub fn still(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<(Picture, Effort)> {
+    pub fn still(&mut self, size: [u32; 2], view: View, quality: &Quality) -> Result<(Picture, RenderStats)> {
         let set_up = self.set_up(size, view, quality)?;
         Ok((self.draw(&set_up, quality)?, set_up.effort()))
     }
@@ -138,14 +138,14 @@ impl Studio {
 
     /// Where a view is taken from. It follows the first look at the octree, so
     /// another octree of the same cloud would choose another by a little.
-    pub fn stand(&self, size: [u32; 2], view: View) -> Stand {
+    pub fn stand(&self, size: [u32; 2], view: View) -> Viewpoint {
         let top = self.top(view);
-        Stand { shot: frame(&self.below(top), view, size, false), top }
+        Viewpoint { shot: frame(&self.below(top), view, size, false), top }
     }
 
     /// The same from a given stand.
-    pub fn set_up_from(&mut self, stand: Stand, size: [u32; 2], quality: &Quality) -> Result<SetUp> {
-        let Stand { shot, top } = stand;
+    pub fn set_up_from(&mut self, stand: Viewpoint, size: [u32; 2], quality: &Quality) -> Result<SetUp> {
+        let Viewpoint { shot, top } = stand;
         Ok(SetUp { shot, size, set: self.set(&[shot], size, top, quality)? })
     }
 
@@ -163,10 +163,10 @@ impl Studio {
         frames: u32,
         quality: &Quality,
         mut done: impl FnMut(Picture) -> Result<()>,
-    ) -> Result<Effort> {
+    ) -> Result<RenderStats> {
         let top = self.top(View::Overview);
         let first = frame(&self.below(top), View::Overview, size, true);
-        let shots: Vec<Shot> =
+        let shots: Vec<OrbitCamera> =
             (0..frames).map(|number| first.turned(f64::from(number) / f64::from(frames))).collect();
         let set = self.set(&shots, size, top, quality)?;
         for shot in &shots {
@@ -202,25 +202,31 @@ impl Studio {
         ]
     }
 
-    fn set(&mut self, shots: &[Shot], size: [u32; 2], top: f64, quality: &Quality) -> Result<Set> {
-        let cameras: Vec<_> = shots.iter().map(Shot::camera).collect();
-        let wanted = Wanted { spacing: quality.spacing, budget: quality.budget, size, top };
+    fn set(
+        &mut self,
+        shots: &[OrbitCamera],
+        size: [u32; 2],
+        top: f64,
+        quality: &Quality,
+    ) -> Result<PointSet> {
+        let cameras: Vec<_> = shots.iter().map(OrbitCamera::camera).collect();
+        let wanted = SelectionRequest { spacing: quality.spacing, budget: quality.budget, size, top };
         let before = self.octree.bytes_read();
         let chosen = select(&mut self.octree, &cameras, &wanted)?;
         let centre = shots.first().map_or([0.0; 3], |shot| shot.target);
         let scene = Scene::load(&self.octree, &chosen, &self.painter, centre, top, self.looked_at())?;
-        let effort = Effort {
+        let effort = RenderStats {
             nodes: chosen.len() as u64,
             points: scene.splats.len() as u64,
             bytes_read: self.octree.bytes_read() - before,
         };
         let least = shots.first().map_or(0.0, |shot| self.least(shot, size));
-        Ok(Set { scene, effort, least })
+        Ok(PointSet { scene, effort, least })
     }
 
     /// Radius below which the splats of a shot are too small, in pixels: it grows
     /// where there is little to see, such as a single point.
-    fn least(&self, shot: &Shot, size: [u32; 2]) -> f32 {
+    fn least(&self, shot: &OrbitCamera, size: [u32; 2]) -> f32 {
         let (camera, focal) = (shot.camera(), focal(size[0], size[1]));
         let cells = self.sample.positions.iter().filter_map(|point| {
             let [x, y, away] = camera.view(*point);
@@ -231,7 +237,13 @@ impl Studio {
         (FEW / cells as f32).min(BIG)
     }
 
-    fn shoot(&mut self, shot: &Shot, size: [u32; 2], quality: &Quality, set: &Set) -> Result<Picture> {
+    fn shoot(
+        &mut self,
+        shot: &OrbitCamera,
+        size: [u32; 2],
+        quality: &Quality,
+        set: &PointSet,
+    ) -> Result<Picture> {
         let (scene, mut shading) = (&set.scene, quality.shading);
         shading.core[0] = shading.core[0].max(set.least);
         let drawing = Drawing::new(

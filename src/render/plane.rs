@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// From where a plane is seen well, in radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plane {
+pub struct PlaneView {
     pub azimuth: f64,
     pub elevation: f64,
 }
@@ -23,7 +23,7 @@ const LEVEL: f64 = 1.4;
 const STEEPEST: f64 = 1.1;
 
 /// From where to look at points that lie in a plane; nothing for any other cloud.
-pub fn facing(points: &[[f64; 3]]) -> Option<Plane> {
+pub fn facing(points: &[[f64; 3]]) -> Option<PlaneView> {
     let (values, axes) = principal(points)?;
     let [long, across, thin] = values.map(|value| value.max(0.0).sqrt());
     // A line has no face.
@@ -45,10 +45,10 @@ pub fn facing(points: &[[f64; 3]]) -> Option<Plane> {
         if azimuth.sin() > 0.0 {
             azimuth += PI;
         }
-        return Some(Plane { azimuth: azimuth + TURN / 2.0, elevation: STEEPEST });
+        return Some(PlaneView { azimuth: azimuth + TURN / 2.0, elevation: STEEPEST });
     }
     let azimuth = normal[1].atan2(normal[0]) + TURN;
-    Some(Plane { azimuth, elevation: (slope + TURN / 2.0).min(STEEPEST) })
+    Some(PlaneView { azimuth, elevation: (slope + TURN / 2.0).min(STEEPEST) })
 }
 
 /// Variances along the principal axes, the largest first, and these axes.
@@ -138,7 +138,7 @@ mod tests {
 
     /// The cosine of the angle between the view and the plane's normal.
     fn faced(a: [f64; 3], b: [f64; 3], noise: f64) -> f64 {
-        let Plane { azimuth, elevation } = facing(&rough(a, b, noise)).expect("a plane");
+        let PlaneView { azimuth, elevation } = facing(&rough(a, b, noise)).expect("a plane");
         let view = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
         (0..3).map(|i| view[i] * across(a, b)[i]).sum::<f64>().abs()
     }

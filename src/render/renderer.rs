@@ -3,7 +3,7 @@
 use super::cpu::Cpu;
 use super::error::{RenderError, Result};
 use super::frame::{Drawing, Picture};
-use super::gpu::{Gpu, Wish};
+use super::gpu::{AdapterPreference, Gpu};
 use super::scene::Scene;
 
 /// What is to draw.
@@ -28,13 +28,13 @@ impl Renderer {
     pub fn open(choice: Choice) -> Result<Renderer> {
         let gpu = match choice {
             Choice::Cpu => None,
-            Choice::Auto => Gpu::open(Wish::Hardware).unwrap_or_else(|error| {
+            Choice::Auto => Gpu::open(AdapterPreference::Hardware).unwrap_or_else(|error| {
                 tracing::warn!(%error, "the GPU cannot be used; the CPU draws");
                 None
             }),
             Choice::Gpu => {
                 let none = || RenderError::Gpu("there is no Vulkan driver with an adapter".into());
-                Some(Gpu::open(Wish::Any)?.ok_or_else(none)?)
+                Some(Gpu::open(AdapterPreference::Any)?.ok_or_else(none)?)
             }
         };
         Ok(Renderer { choice, gpu, cpu: Cpu::default() })

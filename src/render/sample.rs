@@ -13,7 +13,7 @@ const ENOUGH_NODES: usize = 512;
 const LEAST_POINTS: usize = 64;
 
 /// The points of the coarsest nodes.
-pub struct Sample {
+pub struct CoarseSample {
     /// World positions; finite.
     pub positions: Vec<[f64; 3]>,
     /// Those of them that do not stand alone: what is looked at.
@@ -23,12 +23,12 @@ pub struct Sample {
     record_size: usize,
 }
 
-impl Sample {
+impl CoarseSample {
     /// Reads from the root down until there is enough to judge by.
-    pub fn take(octree: &mut Octree) -> Result<Sample> {
+    pub fn take(octree: &mut Octree) -> Result<CoarseSample> {
         let record_size = octree.schema.record_size();
         let mut sample =
-            Sample { positions: Vec::new(), together: Vec::new(), nodes: Vec::new(), record_size };
+            CoarseSample { positions: Vec::new(), together: Vec::new(), nodes: Vec::new(), record_size };
         let mut level = vec![NodeName::ROOT];
         let mut seen = 0;
         // Level by level: half of one would be a look at one side of the cloud.

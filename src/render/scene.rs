@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::color::Painter;
+use super::color::ColorMapper;
 use super::error::Result;
 use super::frame::{Splat, radius_code};
 use super::node_selection::{Chosen, POISSON_DENSITY};
@@ -59,7 +59,7 @@ static NEXT: AtomicU64 = AtomicU64::new(0);
 /// The part of the space of a node that no drawn child covers, and what lies
 /// in it.
 #[derive(Clone, Copy)]
-struct Region {
+struct UncoveredRegion {
     points: u32,
     /// A bit for each of the 8³ cells of the node.
     occupied: [u64; CELLS],
@@ -71,17 +71,17 @@ impl Scene {
     pub fn load(
         octree: &Octree,
         chosen: &[Chosen],
-        painter: &Painter,
+        painter: &ColorMapper,
         centre: [f64; 3],
         top: f64,
         tight: [[f64; 3]; 2],
     ) -> Result<Scene> {
-        let room = Room { octree, tight };
+        let room = OccupiedSpace { octree, tight };
         let parts: Vec<(Vec<Splat>, Vec<u32>, Vec<u16>)> = (0..chosen.len() as u32)
             .into_par_iter()
             .map(|place| load_node(&room, chosen, place, painter, centre, top))
             .collect::<Result<_>>()?;
-        let mut regions = vec![Region { points: 0, occupied: [0; CELLS] }; chosen.len()];
+        let mut regions = vec![UncoveredRegion { points: 0, occupied: [0; CELLS] }; chosen.len()];
         for (_, places, cells) in &parts {
             for (&place, &cell) in places.iter().zip(cells).filter(|(_, cell)| **cell != BEYOND) {
                 let region = &mut regions[place as usize];
@@ -115,10 +115,10 @@ impl Scene {
 
 /// The splats of a node, the region of each, and its cell there.
 fn load_node(
-    room: &Room,
+    room: &OccupiedSpace,
     chosen: &[Chosen],
     place: u32,
-    painter: &Painter,
+    painter: &ColorMapper,
     centre: [f64; 3],
     top: f64,
 ) -> Result<(Vec<Splat>, Vec<u32>, Vec<u16>)> {
@@ -152,7 +152,7 @@ fn load_node(
 /// The deepest drawn node that holds a point, down from one that does, and the
 /// cell of that node's 8³.
 fn region_of(
-    room: &Room,
+    room: &OccupiedSpace,
     chosen: &[Chosen],
     mut place: u32,
     cube: ([f64; 3], [f64; 3]),
@@ -178,13 +178,13 @@ fn region_of(
 }
 
 /// Where in an octree the points are that are looked at.
-struct Room<'o> {
+struct OccupiedSpace<'o> {
     octree: &'o Octree,
     /// The box of these points.
     tight: [[f64; 3]; 2],
 }
 
-impl Room<'_> {
+impl OccupiedSpace<'_> {
     /// The cube within a node's space in which its points are counted: all of it, unless
     /// what is looked at is a speck in it. That is so where axes have other units, for that
     /// space is as wide as a country and as high as a house; and where a point far away has
@@ -219,10 +219,10 @@ impl Room<'_> {
 }
 
 /// How far apart the points of each region are, in world units.
-fn spacings(room: &Room, chosen: &[Chosen], regions: &[Region], all: u64) -> Vec<f64> {
+fn spacings(room: &OccupiedSpace, chosen: &[Chosen], regions: &[UncoveredRegion], all: u64) -> Vec<f64> {
     let claims: Vec<(f64, f64)> =
         chosen.iter().zip(regions).map(|(chosen, region)| spacing(room, chosen, region)).collect();
-    let is_small = |region: &Region| u64::from(region.points) * PARTS < all;
+    let is_small = |region: &UncoveredRegion| u64::from(region.points) * PARTS < all;
     let mut usual: Vec<(f64, u64)> = claims
         .iter()
         .zip(regions)
@@ -248,7 +248,7 @@ fn spacings(room: &Room, chosen: &[Chosen], regions: &[Region], all: u64) -> Vec
 /// How far apart the points of a region are, in world units, by a surface that passes
 /// through so many cells and holds so many points; and how many times as far apart as most
 /// points that is to be believed, in units of [`STRAY`].
-fn spacing(room: &Room, chosen: &Chosen, region: &Region) -> (f64, f64) {
+fn spacing(room: &OccupiedSpace, chosen: &Chosen, region: &UncoveredRegion) -> (f64, f64) {
     let level = room.spacing(chosen.node.name);
     if region.points == 0 {
         return (level, 1.0);

@@ -23,7 +23,7 @@ use crate::serve::job::JobId;
 
 /// A line of the log about a job.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Line {
+pub struct LogLine {
     #[serde(skip)]
     pub job: JobId,
     /// Milliseconds since 1970.
@@ -39,10 +39,10 @@ const MAX_WAITING: usize = 4000;
 const MAX_LINE: usize = 2000;
 
 /// One log, as there is one subscriber for the process.
-static LINES: Mutex<VecDeque<Line>> = Mutex::new(VecDeque::new());
+static LINES: Mutex<VecDeque<LogLine>> = Mutex::new(VecDeque::new());
 
 /// Takes away the lines that were written since the last call, the oldest first.
-pub fn take_lines() -> Vec<Line> {
+pub fn take_lines() -> Vec<LogLine> {
     LINES.lock().unwrap_or_else(PoisonError::into_inner).drain(..).collect()
 }
 
@@ -54,13 +54,13 @@ pub struct JobLines;
 struct OfJob(JobId);
 
 #[derive(Default)]
-struct Fields {
+struct LineFields {
     job: Option<JobId>,
     message: String,
     others: String,
 }
 
-impl Visit for Fields {
+impl Visit for LineFields {
     fn record_i64(&mut self, field: &Field, value: i64) {
         match field.name() {
             "job" => self.job = Some(value),
@@ -92,7 +92,7 @@ impl Visit for Fields {
 
 impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for JobLines {
     fn on_new_span(&self, attributes: &Attributes<'_>, id: &Id, context: Context<'_, S>) {
-        let mut fields = Fields::default();
+        let mut fields = LineFields::default();
         attributes.record(&mut fields);
         if let (Some(job), Some(span)) = (fields.job, context.span(id)) {
             span.extensions_mut().insert(OfJob(job));
@@ -100,7 +100,7 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for JobLines {
     }
 
     fn on_event(&self, event: &Event<'_>, context: Context<'_, S>) {
-        let mut fields = Fields::default();
+        let mut fields = LineFields::default();
         event.record(&mut fields);
         let of_span = || {
             let mut spans = context.event_scope(event)?;
@@ -114,7 +114,7 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for JobLines {
             text.push('…');
         }
         let level = event.metadata().level().as_str().to_ascii_lowercase();
-        let line = Line { job, at: Clock::System.now(), level, text };
+        let line = LogLine { job, at: Clock::System.now(), level, text };
         let mut lines = LINES.lock().unwrap_or_else(PoisonError::into_inner);
         if lines.len() >= MAX_WAITING {
             lines.pop_front();

@@ -45,12 +45,12 @@ use crate::platform::disk::Disk;
 use crate::serve::config::Config;
 use crate::serve::metrics::Metrics;
 use crate::serve::queue::Store;
-use crate::serve::queue::progress::Board;
+use crate::serve::queue::progress::ProgressRegistry;
 use crate::serve::scheduler::converter::Converter;
-use crate::serve::scheduler::{Engine, Tools};
+use crate::serve::scheduler::{Engine, EngineContext};
 pub use error::DaemonError;
 use systemd::tell_systemd;
-use web::Shared;
+use web::AppState;
 
 /// Runs until a signal, and returns when all is put away.
 pub fn run(config: Config, converter: Arc<dyn Converter>) -> Result<(), DaemonError> {
@@ -75,10 +75,10 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
     let store = Store::open(&config.database()).await?;
     let listener = listen(config.listen).await?;
     let address = listener.local_addr().map_err(DaemonError::Start)?;
-    let tools = Tools {
+    let tools = EngineContext {
         config: config.clone(),
         store: store.clone(),
-        board: Board::default(),
+        board: ProgressRegistry::default(),
         metrics: Metrics::new()?,
         clock: Clock::System,
         disk,
@@ -109,8 +109,8 @@ async fn serve(config: Config, converter: Arc<dyn Converter>) -> Result<(), Daem
     Ok(())
 }
 
-fn shared(tools: &Tools, stop: &CancellationToken) -> Shared {
-    Shared {
+fn shared(tools: &EngineContext, stop: &CancellationToken) -> AppState {
+    AppState {
         config: tools.config.clone(),
         store: tools.store.clone(),
         board: tools.board.clone(),
@@ -132,7 +132,7 @@ async fn listen(address: SocketAddr) -> Result<TcpListener, DaemonError> {
     TcpListener::bind(address).await.map_err(|source| DaemonError::Listen { address, source })
 }
 
-async fn answer(listener: TcpListener, shared: Shared, stop: CancellationToken) {
+async fn answer(listener: TcpListener, shared: AppState, stop: CancellationToken) {
     let config = shared.config.clone();
     web::serve(listener, web::router(shared), config.access.base(), stop).await;
 }

@@ -8,11 +8,11 @@ use tokio_util::sync::CancellationToken;
 
 use super::systemd::tell_systemd;
 use crate::serve::scheduler::Engine;
-use crate::serve::web::Shared;
+use crate::serve::web::AppState;
 
 const LONGEST_PAUSE: Duration = Duration::from_millis(1000);
 
-pub(super) async fn run(engine: &mut Engine, shared: &Shared, stop: &CancellationToken) {
+pub(super) async fn run(engine: &mut Engine, shared: &AppState, stop: &CancellationToken) {
     while !stop.is_cancelled() {
         // Not within a select: a tick that is dropped half-way may or may not
         // have taken effect.

@@ -19,7 +19,7 @@ use crate::format::finished::{self, Finished};
 use crate::format::potree::{METADATA, Node};
 use crate::render::RenderError;
 use crate::render::octree::Octree;
-use crate::render::sample::Sample;
+use crate::render::sample::CoarseSample;
 use crate::render::viewer::description::Point;
 use crate::render::viewer::{Description, Paint, pages, points};
 
@@ -70,7 +70,7 @@ pub struct View {
     folder: PathBuf,
     revision: String,
     octree: RwLock<Octree>,
-    sample: Sample,
+    sample: CoarseSample,
     paints: Mutex<HashMap<String, Arc<Paint>>>,
 }
 
@@ -85,7 +85,7 @@ impl Viewer {
             return Ok(view);
         }
         let mut octree = Octree::open(folder)?;
-        let sample = Sample::take(&mut octree)?;
+        let sample = CoarseSample::take(&mut octree)?;
         let view = Arc::new(View {
             folder: folder.to_path_buf(),
             revision,

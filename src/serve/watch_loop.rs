@@ -13,12 +13,12 @@ use tokio_util::sync::CancellationToken;
 
 use crate::platform::clock::Millis;
 use crate::serve::queue::StoreError;
-use crate::serve::scheduler::enqueue::{self, Taken};
-use crate::serve::watch::events::{Events, Mode};
+use crate::serve::scheduler::enqueue::{self, EnqueueOutcome};
+use crate::serve::watch::events::{Events, NotifyMode};
 use crate::serve::watch::settle::Limits;
-use crate::serve::watch::waiting::{Kind, Waiting};
-use crate::serve::watch::{Report, Watcher};
-use crate::serve::web::Shared;
+use crate::serve::watch::waiting::{Waiting, WaitingKind};
+use crate::serve::watch::{ScanResult, Watcher};
+use crate::serve::web::AppState;
 
 /// Data sets whose bytes are read for their fingerprint at the same time: with
 /// two, a small file passes a huge one.
@@ -30,10 +30,10 @@ const POLL: Millis = 2_000;
 /// Events come in swarms; one scan answers all of them.
 const SWARM: Duration = Duration::from_millis(50);
 
-type Take = (PathBuf, Result<Taken, StoreError>);
+type Take = (PathBuf, Result<EnqueueOutcome, StoreError>);
 
 struct Watching {
-    shared: Shared,
+    shared: AppState,
     watcher: Watcher,
     events: Events,
     readers: Arc<Semaphore>,
@@ -47,7 +47,7 @@ struct Watching {
     heard: u64,
 }
 
-pub(super) async fn run(shared: Shared, stop: CancellationToken) {
+pub(super) async fn run(shared: AppState, stop: CancellationToken) {
     let config = shared.config.clone();
     let mut roots = vec![config.inbox()];
     roots.extend(config.watch.iter().cloned());
@@ -87,7 +87,7 @@ const PULSE: Duration = Duration::from_secs(1);
 /// Notes when the watcher last moved: a scan may hang in a file system that does
 /// not answer, and cannot say so itself. Counted in looks, so that no jump of the
 /// clock is taken for a standstill.
-async fn feel_pulse(shared: Shared, steps: Arc<AtomicU64>, stop: CancellationToken) {
+async fn feel_pulse(shared: AppState, steps: Arc<AtomicU64>, stop: CancellationToken) {
     let mut last = 0;
     while !stop.is_cancelled() {
         let now = steps.load(Ordering::Relaxed);
@@ -131,7 +131,7 @@ impl Watching {
         Some(self.pause(unsettled))
     }
 
-    fn take(&mut self, found: crate::serve::watch::Found) {
+    fn take(&mut self, found: crate::serve::watch::FoundDataSet) {
         let (shared, readers, path) = (self.shared.clone(), self.readers.clone(), found.path.clone());
         self.takes.spawn(async move {
             // The semaphore is never closed.
@@ -173,14 +173,14 @@ impl Watching {
 
     fn taken(&mut self, take: Result<Take, tokio::task::JoinError>) {
         match take {
-            Ok((path, Ok(Taken::In { stamp, .. }))) => {
+            Ok((path, Ok(EnqueueOutcome::In { stamp, .. }))) => {
                 self.in_hand.remove(&path);
                 self.watcher.taken(&path, stamp);
             }
-            Ok((path, Ok(Taken::Moving))) => {
+            Ok((path, Ok(EnqueueOutcome::Moving))) => {
                 self.in_hand.remove(&path);
             }
-            Ok((path, Ok(Taken::Hollow { stamp, not_yet, .. }))) => {
+            Ok((path, Ok(EnqueueOutcome::Hollow { stamp, not_yet, .. }))) => {
                 tracing::info!(path = %path.display(), why = not_yet.why, "not whole yet");
                 self.in_hand.remove(&path);
                 self.watcher.doubt(&path, &stamp, not_yet);
@@ -200,7 +200,7 @@ impl Watching {
     }
 
     /// A folder that came back is watched anew.
-    async fn revive(&mut self, report: &Report) {
+    async fn revive(&mut self, report: &ScanResult) {
         let back: Vec<PathBuf> =
             self.missing.iter().filter(|root| !report.missing.contains(root)).cloned().collect();
         for root in &report.missing {
@@ -217,7 +217,7 @@ impl Watching {
 
     /// Copies of known content are in the queue, by another's name: whoever waits
     /// for them is told where.
-    async fn name_copies(&self, report: &mut Report) {
+    async fn name_copies(&self, report: &mut ScanResult) {
         let copies = match self.shared.store.copies(MOST_NAMED).await {
             Ok(copies) => copies,
             Err(error) => return tracing::warn!(%error, "copies of known content could not be read"),
@@ -229,15 +229,16 @@ impl Watching {
                      you remove it",
                     copy.name, copy.job
                 );
-                let waiting = Waiting::new(&copy.path, Kind::Copy, why).since(copy.since);
+                let waiting = Waiting::new(&copy.path, WaitingKind::Copy, why).since(copy.since);
                 report.waiting.push(Waiting { job: Some(copy.job), ..waiting });
             }
         }
     }
 
     /// Says once in the log what is not taken, and what to do about it.
-    fn name_refused(&mut self, report: &Report) {
-        let refused = report.waiting.iter().filter(|w| matches!(w.kind, Kind::NotTaken | Kind::Refused));
+    fn name_refused(&mut self, report: &ScanResult) {
+        let refused =
+            report.waiting.iter().filter(|w| matches!(w.kind, WaitingKind::NotTaken | WaitingKind::Refused));
         let mut named = HashSet::new();
         for Waiting { path, why, .. } in refused {
             if !self.named.contains(path) {
@@ -249,7 +250,7 @@ impl Watching {
     }
 
     /// Tells the API and the metrics.
-    fn publish(&mut self, report: &Report, now: Millis) {
+    fn publish(&mut self, report: &ScanResult, now: Millis) {
         let metrics = &self.shared.metrics;
         metrics.scans.inc();
         metrics.last_scan_timestamp.set(now as f64 / 1000.0);
@@ -257,7 +258,7 @@ impl Watching {
         metrics.watch_events.inc_by(heard - self.heard);
         metrics.watch_overflows.inc_by(overflows - self.overflows);
         (self.heard, self.overflows) = (heard, overflows);
-        for (mode, name) in [(Mode::Events, "events"), (Mode::Polling, "polling")] {
+        for (mode, name) in [(NotifyMode::Events, "events"), (NotifyMode::Polling, "polling")] {
             let folders = self.events.modes.iter().filter(|(_, m)| *m == mode).count();
             metrics.watched_folders.with_label_values(&[name]).set(folders as i64);
         }

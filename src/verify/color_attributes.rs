@@ -1,7 +1,7 @@
 //! Which attributes hold a point's own color, and which the mean of what it stands for
 //! on coarse levels.
 
-use crate::format::potree::{Kind, Metadata};
+use crate::format::potree::{Metadata, ScalarKind};
 use crate::octree::attribute::{Scalar, Schema};
 
 /// The attribute of a point's own color, and that of its mean, by what
@@ -30,7 +30,7 @@ pub fn are_there(metadata: &Metadata) -> bool {
     let Some(said) = said(metadata) else { return true };
     let is_there = |name: &str| {
         let found = metadata.attributes.iter().find(|attribute| attribute.name == name);
-        found.is_some_and(|attribute| (attribute.kind, attribute.num_elements) == (Kind::Uint16, 3))
+        found.is_some_and(|attribute| (attribute.kind, attribute.num_elements) == (ScalarKind::Uint16, 3))
     };
     KINDS.iter().any(|(kind, own, mean)| *kind == said && is_there(own) && is_there(mean))
 }

@@ -5,28 +5,28 @@
 //! their own.
 
 use super::color_attributes::ColorAttributes;
-use super::octree::Octree;
-use super::recomputed_statistics::Tally;
+use super::octree::OctreeUnderTest;
+use super::recomputed_statistics::RecomputedStatistics;
 use super::report::{Check, Findings};
 use crate::format::potree::Node;
 use crate::words::grouped;
 
 /// What a walk over the nodes finds; adds up in any order.
 #[derive(Debug, Clone, Default)]
-pub struct Means {
+pub struct ColorMeans {
     /// Points of leaves with a mean that is not their own color.
     foreign: Findings,
     leaves: u64,
 }
 
-impl Means {
-    pub fn merge(&mut self, other: Means) {
+impl ColorMeans {
+    pub fn merge(&mut self, other: ColorMeans) {
         self.foreign.merge(other.foreign);
         self.leaves += other.leaves;
     }
 
     /// Takes in records of a node.
-    pub fn add(&mut self, octree: &Octree, (index, node): (usize, &Node), records: &[u8]) {
+    pub fn add(&mut self, octree: &OctreeUnderTest, (index, node): (usize, &Node), records: &[u8]) {
         let Some(colors) = octree.colors.as_ref().filter(|_| node.child_mask == 0) else { return };
         let points = records.chunks_exact(octree.schema.record_size());
         self.leaves += points.len() as u64;
@@ -39,7 +39,7 @@ impl Means {
     }
 
     /// What there is to say, where colors were averaged.
-    pub fn check(mut self, octree: &Octree, tally: &Tally) -> Option<Check> {
+    pub fn check(mut self, octree: &OctreeUnderTest, tally: &RecomputedStatistics) -> Option<Check> {
         let ColorAttributes { own, mean, .. } = octree.colors.as_ref()?;
         let column = |name: &str| {
             let columns = octree.schema.attributes.iter().zip(tally.columns());
@@ -62,7 +62,7 @@ impl Means {
 }
 
 /// What the comparison with the inputs leaves out.
-pub fn note(octree: &Octree) -> Option<Check> {
+pub fn note(octree: &OctreeUnderTest) -> Option<Check> {
     let ColorAttributes { own, mean, .. } = octree.colors.as_ref()?;
     let text = match *own {
         "rgb" => format!("'{mean}' holds averages, which no input has; 'rgb' was compared"),
@@ -74,9 +74,9 @@ pub fn note(octree: &Octree) -> Option<Check> {
 #[cfg(test)]
 mod tests {
     use super::super::tests_support::{Draft, draft, schema};
-    use super::super::{Outcome, Report, Request, Spacing, verify};
+    use super::super::{CheckOutcome, SpacingRule, VerifyReport, VerifyRequest, verify};
     use super::*;
-    use crate::format::potree::Encoding;
+    use crate::format::potree::PotreeEncoding;
     use crate::octree::attribute::{Attribute, Scalar, Schema};
 
     /// Averages stand behind position and color.
@@ -99,25 +99,25 @@ mod tests {
         draft
     }
 
-    fn report(draft: Draft) -> Report {
+    fn report(draft: Draft) -> VerifyReport {
         let folder = tempfile::tempdir().unwrap();
-        draft.write(folder.path(), Encoding::Default);
-        let request = Request {
+        draft.write(folder.path(), PotreeEncoding::Default);
+        let request = VerifyRequest {
             octree: folder.path().to_path_buf(),
             against: Vec::new(),
             damaged: false,
             memory_limit: 1 << 30,
-            spacing: Spacing::Auto,
+            spacing: SpacingRule::Auto,
         };
         verify(&request).unwrap()
     }
 
-    fn averages(report: &Report) -> &Check {
+    fn averages(report: &VerifyReport) -> &Check {
         report.checks.iter().find(|check| check.name == "averages").unwrap()
     }
 
     /// Changes one average in a node with or without children.
-    fn changed(of_leaf: bool, value: u16) -> Report {
+    fn changed(of_leaf: bool, value: u16) -> VerifyReport {
         let mut draft = averaged();
         let names: Vec<_> = draft.nodes.iter().map(|(node, _)| node.name).collect();
         let is_leaf = |node: &Node| {
@@ -148,7 +148,7 @@ mod tests {
             let report = changed(of_leaf, value);
             assert!(!report.ok, "{report}");
             let check = averages(&report);
-            assert_eq!(check.outcome, Outcome::Wrong);
+            assert_eq!(check.outcome, CheckOutcome::Wrong);
             assert!(check.examples.iter().any(|text| text.contains(example)), "{report}");
         }
     }
@@ -159,7 +159,7 @@ mod tests {
             let mut draft = averaged();
             draft.metadata.generator.as_mut().unwrap().lod_color = Some(said.into());
             let report = report(draft);
-            assert_eq!((report.checks[0].name, report.checks[0].outcome), ("metadata", Outcome::Wrong));
+            assert_eq!((report.checks[0].name, report.checks[0].outcome), ("metadata", CheckOutcome::Wrong));
         }
     }
 }

@@ -15,11 +15,11 @@ use rayon::prelude::*;
 use super::colors;
 use super::digest::{Sum, bucket_of, digest, passes};
 use super::error::VerifyError;
-use super::inputs::{self, Block};
-use super::octree::{Octree, position};
+use super::inputs::{self, RecordBlock};
+use super::octree::{OctreeUnderTest, position};
 use super::promises;
 use super::report::{Check, Comparison, EXAMPLES, PositionError, plural};
-use super::request::Request;
+use super::request::VerifyRequest;
 use super::value;
 use crate::words::grouped;
 
@@ -42,7 +42,7 @@ struct Inputs {
 }
 
 impl Inputs {
-    fn add(&mut self, block: Block, record_size: usize) {
+    fn add(&mut self, block: RecordBlock, record_size: usize) {
         block.records.chunks_exact(record_size).for_each(|record| self.sum.add(record));
         let points = (block.records.len() / record_size) as u64;
         match self.by_file.get_mut(block.input.file.path()) {
@@ -70,10 +70,10 @@ impl Inputs {
 
 /// Holds an octree, whose records `sum` has, against its inputs.
 pub fn compare(
-    octree: &Octree,
+    octree: &OctreeUnderTest,
     sum: &Sum,
     files: &[PathBuf],
-    request: &Request,
+    request: &VerifyRequest,
 ) -> Result<Comparison, VerifyError> {
     let memory_limit = request.memory_limit;
     let record_size = octree.schema.record_size();
@@ -89,7 +89,7 @@ pub fn compare(
     )?;
     let mut there = sum.clone();
     there.merge(&aside.sum);
-    let difference = Difference::find(octree, files, &found.sum.differing(&there), memory_limit)?;
+    let difference = MultisetDifference::find(octree, files, &found.sum.differing(&there), memory_limit)?;
     let examples = difference.examples(octree, files)?;
     let left_out = octree.metadata.generator.as_ref().map_or(&[][..], |generator| &generator.left_out);
     Ok(Comparison {
@@ -115,15 +115,15 @@ pub fn compare(
 }
 
 /// Averages come from no input.
-fn compared_attributes(octree: &Octree) -> usize {
+fn compared_attributes(octree: &OctreeUnderTest) -> usize {
     octree.schema.attributes.len() - usize::from(octree.colors.is_some())
 }
 
 fn points(
-    octree: &Octree,
+    octree: &OctreeUnderTest,
     found: &Inputs,
     aside: u64,
-    difference: &Difference,
+    difference: &MultisetDifference,
     examples: Vec<String>,
 ) -> Check {
     let attributes = compared_attributes(octree);
@@ -169,7 +169,7 @@ fn positions(found: &Inputs, aside: u64) -> Check {
     Check::ok("positions", text)
 }
 
-fn attributes(octree: &Octree, found: &Inputs, left_out: &[String]) -> Check {
+fn attributes(octree: &OctreeUnderTest, found: &Inputs, left_out: &[String]) -> Check {
     let lost: Vec<(&String, &u64)> = found.lost.iter().filter(|(_, count)| **count > 0).collect();
     let is_excused = |name: &String| {
         let base = name.split_once(" (").map_or(name.as_str(), |(base, _)| base);
@@ -204,7 +204,7 @@ fn attributes(octree: &Octree, found: &Inputs, left_out: &[String]) -> Check {
 
 /// The exact difference of two multisets of records.
 #[derive(Default)]
-struct Difference {
+struct MultisetDifference {
     /// In the inputs more often than in the octree, and the other way round.
     missing: u64,
     extra: u64,
@@ -214,14 +214,14 @@ struct Difference {
     sought_extra: usize,
 }
 
-impl Difference {
+impl MultisetDifference {
     fn find(
-        octree: &Octree,
+        octree: &OctreeUnderTest,
         files: &[PathBuf],
         differing: &[(usize, u64)],
         memory_limit: u64,
-    ) -> Result<Difference, VerifyError> {
-        let mut difference = Difference::default();
+    ) -> Result<MultisetDifference, VerifyError> {
+        let mut difference = MultisetDifference::default();
         for buckets in passes(differing, memory_limit / BYTES_PER_HASH) {
             let mut inputs = hashes_of_inputs(octree, files, &buckets)?;
             let mut nodes = hashes_of_octree(octree, &buckets);
@@ -261,7 +261,7 @@ impl Difference {
     }
 
     /// Finds the records behind some of the differing hashes and tells them.
-    fn examples(&self, octree: &Octree, files: &[PathBuf]) -> Result<Vec<String>, VerifyError> {
+    fn examples(&self, octree: &OctreeUnderTest, files: &[PathBuf]) -> Result<Vec<String>, VerifyError> {
         if self.sought.is_empty() {
             return Ok(Vec::new());
         }
@@ -302,7 +302,7 @@ impl Difference {
 /// Examples in words. A missing record and an extra one at the same position are
 /// the same point with an attribute changed.
 fn tell(
-    octree: &Octree,
+    octree: &OctreeUnderTest,
     mut missing: Vec<(Vec<u8>, String)>,
     mut extra: Vec<(Vec<u8>, String)>,
 ) -> Vec<String> {
@@ -338,21 +338,25 @@ fn tell(
 }
 
 /// A record's position as a person reads it.
-fn point(octree: &Octree, record: &[u8]) -> String {
+fn point(octree: &OctreeUnderTest, record: &[u8]) -> String {
     let at = position(record);
     let world: [f64; 3] =
         std::array::from_fn(|a| f64::from(at[a]) * octree.metadata.scale[a] + octree.metadata.offset[a]);
     format!("{at:?} = ({:.4}, {:.4}, {:.4})", world[0], world[1], world[2])
 }
 
-fn hashes_of_inputs(octree: &Octree, files: &[PathBuf], buckets: &[bool]) -> Result<Vec<u128>, VerifyError> {
+fn hashes_of_inputs(
+    octree: &OctreeUnderTest,
+    files: &[PathBuf],
+    buckets: &[bool],
+) -> Result<Vec<u128>, VerifyError> {
     let record_size = octree.schema.record_size();
     let each =
-        |hashes: &mut Vec<u128>, block: Block| push_hashes(hashes, block.records, record_size, buckets);
+        |hashes: &mut Vec<u128>, block: RecordBlock| push_hashes(hashes, block.records, record_size, buckets);
     inputs::fold(files, octree, Vec::new, each, concat_hashes)
 }
 
-fn hashes_of_octree(octree: &Octree, buckets: &[bool]) -> Vec<u128> {
+fn hashes_of_octree(octree: &OctreeUnderTest, buckets: &[bool]) -> Vec<u128> {
     let record_size = octree.schema.record_size();
     let each = |hashes: &mut Vec<u128>, _: usize, records: &[u8]| {
         push_hashes(hashes, records, record_size, buckets);
@@ -372,7 +376,7 @@ fn concat_hashes(mut a: Vec<u128>, b: Vec<u128>) -> Vec<u128> {
 /// Folds the readable nodes' records, as they are to be compared. A node that does not decode was told by
 /// the walk; here its points are simply not there.
 fn fold_octree<A: Send>(
-    octree: &Octree,
+    octree: &OctreeUnderTest,
     start: impl Fn() -> A + Sync + Send,
     each: impl Fn(&mut A, usize, &[u8]) + Sync + Send,
     merge: impl Fn(A, A) -> A + Sync + Send,
@@ -394,7 +398,7 @@ mod tests {
 
     #[test]
     fn multisets_are_counted_one_by_one() {
-        let mut difference = Difference::default();
+        let mut difference = MultisetDifference::default();
         difference.count(&[1, 2, 2, 3, 9], &[2, 3, 3, 4, 4]);
         assert_eq!((difference.missing, difference.extra), (3, 3));
     }

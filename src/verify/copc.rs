@@ -9,30 +9,30 @@ use rayon::prelude::*;
 
 use super::digest::Sum;
 use super::error::VerifyError;
-use super::octree::{self, Octree, entry_of};
-use super::report::{Check, Findings, Outcome, Report};
-use super::request::Request;
+use super::octree::{self, OctreeUnderTest, entry_of};
+use super::report::{Check, CheckOutcome, Findings, VerifyReport};
+use super::request::VerifyRequest;
 use super::{compare_inputs, inputs};
 use crate::format::copc::hierarchy::name;
-use crate::format::copc::{CopcError, CopcFile, Entry};
+use crate::format::copc::{CopcEntry, CopcError, CopcFile};
 use crate::octree::node::NodeKey;
 use crate::words::{self, grouped};
 
 /// Checks a COPC file, on the threads of the current rayon pool.
-pub fn verify(request: &Request, path: &Path, files: &[PathBuf]) -> Result<Report, VerifyError> {
+pub fn verify(request: &VerifyRequest, path: &Path, files: &[PathBuf]) -> Result<VerifyReport, VerifyError> {
     let file = match CopcFile::open(path, request.memory_limit) {
         Ok(file) => file,
         Err(error @ (CopcError::Damaged { .. } | CopcError::Las(_))) => {
-            let mut report = Report::empty(request, None);
+            let mut report = VerifyReport::empty(request, None);
             report.checks.push(Check::wrong("file", error.to_string()));
             report.checks.push(Check::skipped("all else", "rests on what cannot be read"));
             return Ok(report);
         }
         Err(error) => return Err(error.into()),
     };
-    let mut octree = Octree::of_copc(file, request.memory_limit);
-    let Some(file) = octree.copc() else { return Ok(Report::empty(request, None)) };
-    let mut report = Report::empty(request, Some(&octree.metadata));
+    let mut octree = OctreeUnderTest::of_copc(file, request.memory_limit);
+    let Some(file) = octree.copc() else { return Ok(VerifyReport::empty(request, None)) };
+    let mut report = VerifyReport::empty(request, Some(&octree.metadata));
     report.encoding = format!("LAZ of point format {}", file.front.format());
     report.nodes = octree.nodes.len() as u64;
     report.depth = octree::depth(&octree.nodes);
@@ -115,8 +115,8 @@ fn pages(file: &CopcFile) -> Check {
 }
 
 /// Nodes with points, in the order of the file.
-fn chunks(file: &CopcFile) -> Vec<Entry> {
-    let mut chunks: Vec<Entry> = file.nodes().iter().copied().filter(|entry| entry.points > 0).collect();
+fn chunks(file: &CopcFile) -> Vec<CopcEntry> {
+    let mut chunks: Vec<CopcEntry> = file.nodes().iter().copied().filter(|entry| entry.points > 0).collect();
     chunks.sort_unstable_by_key(|entry| entry.offset);
     chunks
 }
@@ -173,7 +173,7 @@ fn tiled(wrong: &mut Findings, mut parts: Vec<(u64, u64, String)>, (start, end):
 
 /// What a walk over all points found; adds up in any order.
 #[derive(Default)]
-struct Walk {
+struct CopcPass {
     undecodable: Findings,
     outside: Findings,
     min: Option<[i32; 3]>,
@@ -186,8 +186,8 @@ struct Walk {
     sum: Sum,
 }
 
-impl Walk {
-    fn merge(mut self, other: Walk) -> Walk {
+impl CopcPass {
+    fn merge(mut self, other: CopcPass) -> CopcPass {
         self.undecodable.merge(other.undecodable);
         self.outside.merge(other.outside);
         let join = |a: Option<[i32; 3]>, b: Option<[i32; 3]>, pick: fn(i32, i32) -> i32| match (a, b) {
@@ -276,7 +276,7 @@ impl Walk {
         let fine = "box, points by return and GPS times are those of the points";
         checks.push(Check::of("totals", wrong, fine, "totals of the header are not those of the points"));
         checks.extend(returns(self.returns[0], self.beyond));
-        debug_assert!(checks.iter().all(|check| check.outcome != Outcome::Skipped));
+        debug_assert!(checks.iter().all(|check| check.outcome != CheckOutcome::Skipped));
         checks
     }
 }
@@ -330,10 +330,10 @@ impl Boxes {
 }
 
 /// Reads all nodes. Records are summed up only if they will be compared.
-fn walk(octree: &Octree, with_sum: bool) -> Walk {
-    let Some(file) = octree.copc() else { return Walk::default() };
+fn walk(octree: &OctreeUnderTest, with_sum: bool) -> CopcPass {
+    let Some(file) = octree.copc() else { return CopcPass::default() };
     let size = octree.schema.record_size();
-    let fold = |mut walk: Walk, index: usize| {
+    let fold = |mut walk: CopcPass, index: usize| {
         let node = &octree.nodes[index];
         let Some(entry) = entry_of(file, node.name).filter(|entry| entry.points > 0) else { return walk };
         // The memory for it is accounted for by the octree's own reading of it.
@@ -354,5 +354,5 @@ fn walk(octree: &Octree, with_sum: bool) -> Walk {
         walk
     };
     let nodes = (0..octree.nodes.len()).into_par_iter().with_min_len(4);
-    nodes.fold(Walk::default, fold).reduce(Walk::default, Walk::merge)
+    nodes.fold(CopcPass::default, fold).reduce(CopcPass::default, CopcPass::merge)
 }

@@ -9,7 +9,7 @@ use crate::format::potree::{Metadata, NodeName};
 
 /// The root cube on one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Axis {
+enum CubeAxis {
     /// First unit and the exponent of the side in units.
     Lattice { corner: i64, side: u32 },
     /// Corner and side in units, and how far a point may lie outside.
@@ -18,13 +18,13 @@ enum Axis {
 
 /// The root cube of an octree.
 #[derive(Debug, Clone)]
-pub struct Cube {
-    axes: [Axis; 3],
+pub struct RootCube {
+    axes: [CubeAxis; 3],
 }
 
-impl Cube {
+impl RootCube {
     /// The metadata's numbers are finite and its scales positive.
-    pub fn new(metadata: &Metadata) -> Cube {
+    pub fn new(metadata: &Metadata) -> RootCube {
         let coarsest = metadata.scale.iter().copied().fold(0.0, f64::max);
         let axis = |a: usize| {
             let (min, max) = (metadata.bounding_box.min[a], metadata.bounding_box.max[a]);
@@ -39,24 +39,24 @@ impl Cube {
                 && (corner - corner.round()).abs() <= noise
                 && (side - exponent.exp2()).abs() <= noise;
             match is_lattice {
-                true => Axis::Lattice { corner: corner.round() as i64, side: exponent as u32 },
-                false => Axis::Loose { corner, side, slack: coarsest / scale },
+                true => CubeAxis::Lattice { corner: corner.round() as i64, side: exponent as u32 },
+                false => CubeAxis::Loose { corner, side, slack: coarsest / scale },
             }
         };
-        Cube { axes: [axis(0), axis(1), axis(2)] }
+        RootCube { axes: [axis(0), axis(1), axis(2)] }
     }
 
     /// Whether boxes are exact.
     pub fn is_lattice(&self) -> bool {
-        self.axes.iter().all(|axis| matches!(axis, Axis::Lattice { .. }))
+        self.axes.iter().all(|axis| matches!(axis, CubeAxis::Lattice { .. }))
     }
 
     /// The exponent of a node's side in units, where all axes agree on it; below
     /// 0 for nodes that are smaller than a unit.
     pub fn side_exponent(&self, level: u8) -> Option<i32> {
         let [first, rest @ ..] = &self.axes;
-        let Axis::Lattice { side, .. } = first else { return None };
-        let same = |axis: &Axis| matches!(axis, Axis::Lattice { side: other, .. } if other == side);
+        let CubeAxis::Lattice { side, .. } = first else { return None };
+        let same = |axis: &CubeAxis| matches!(axis, CubeAxis::Lattice { side: other, .. } if other == side);
         rest.iter().all(same).then_some(*side as i32 - i32::from(level))
     }
 
@@ -64,15 +64,15 @@ impl Cube {
     pub fn bounds(&self, node: NodeName) -> [(i64, i64); 3] {
         let (cell, level) = (node.cell(), node.level());
         std::array::from_fn(|a| match self.axes[a] {
-            Axis::Lattice { corner, side } if u32::from(level) <= side => {
+            CubeAxis::Lattice { corner, side } if u32::from(level) <= side => {
                 let step = 1i64 << (side - u32::from(level));
                 let first = corner.saturating_add((cell[a] as i64).saturating_mul(step));
                 (first, first.saturating_add(step - 1))
             }
-            Axis::Lattice { corner, side } => {
+            CubeAxis::Lattice { corner, side } => {
                 loose(corner as f64, f64::from(side).exp2(), 0.0, cell[a], level)
             }
-            Axis::Loose { corner, side, slack } => loose(corner, side, slack, cell[a], level),
+            CubeAxis::Loose { corner, side, slack } => loose(corner, side, slack, cell[a], level),
         })
     }
 }
@@ -95,7 +95,7 @@ mod tests {
         octree.offset = [440_000.0, 4_500_000.0, -3.0];
         octree.bounding_box.min = [439_999.5, 4_500_000.0, -3.0];
         octree.bounding_box.max = octree.bounding_box.min.map(|v| v + 1.024);
-        let cube = Cube::new(&octree);
+        let cube = RootCube::new(&octree);
         assert!(cube.is_lattice());
         assert_eq!(cube.side_exponent(3), Some(7));
         assert_eq!(cube.bounds(NodeName::ROOT), [(-500, 523), (0, 1023), (0, 1023)]);
@@ -107,7 +107,7 @@ mod tests {
     fn a_cube_off_the_lattice_has_slack() {
         let mut octree = metadata(10);
         octree.bounding_box.max = [1000.0; 3];
-        let cube = Cube::new(&octree);
+        let cube = RootCube::new(&octree);
         assert!(!cube.is_lattice());
         assert_eq!(cube.bounds("r7".parse().unwrap()), [(499, 1001); 3]);
     }

@@ -42,18 +42,18 @@ pub fn bucket_of(hash: u128) -> usize {
 /// A multiset of records.
 #[derive(Debug, Clone)]
 pub struct Sum {
-    buckets: Vec<Bucket>,
+    buckets: Vec<DigestBucket>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Bucket {
+pub struct DigestBucket {
     pub count: u64,
     sum: u128,
 }
 
 impl Default for Sum {
     fn default() -> Sum {
-        Sum { buckets: vec![Bucket::default(); BUCKETS] }
+        Sum { buckets: vec![DigestBucket::default(); BUCKETS] }
     }
 }
 

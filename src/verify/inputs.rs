@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::error::VerifyError;
 use super::mapping::{Converted, Mapping};
-use super::octree::Octree;
-use crate::format::las::{GpsTime, LasFile, Slice};
+use super::octree::OctreeUnderTest;
+use crate::format::las::{GpsEpoch, LasFile, Slice};
 use crate::format::potree::Metadata;
 
 /// Points that a thread takes at once.
@@ -20,13 +20,13 @@ const SLICE: u32 = 100_000;
 const MOST_SLICE: u64 = 16 << 20;
 
 /// An input file, open, with the way from its records to the octree's.
-pub struct Input {
+pub struct VerifyInput {
     pub file: Arc<LasFile>,
     pub mapping: Mapping,
 }
 
-impl Input {
-    fn open(path: &Path, octree: &Octree) -> Result<Input, VerifyError> {
+impl VerifyInput {
+    fn open(path: &Path, octree: &OctreeUnderTest) -> Result<VerifyInput, VerifyError> {
         let file = match octree.readable.get(path) {
             Some(file) => file.clone(),
             None => {
@@ -37,13 +37,13 @@ impl Input {
             }
         };
         let mapping = Mapping::new(file.header(), octree);
-        Ok(Input { file, mapping })
+        Ok(VerifyInput { file, mapping })
     }
 }
 
 /// What an octree's GPS times count from, if they are not seconds of the week.
-fn gps_time(metadata: &Metadata) -> GpsTime {
-    metadata.gps_time_offset.map_or(GpsTime::ADJUSTED, |offset| GpsTime::Standard { offset })
+fn gps_time(metadata: &Metadata) -> GpsEpoch {
+    metadata.gps_time_offset.map_or(GpsEpoch::ADJUSTED, |offset| GpsEpoch::Standard { offset })
 }
 
 /// Opens files for what can be read of them, each once for all passes: LAZ is
@@ -64,8 +64,8 @@ pub fn readable(
 }
 
 /// A slice's records as the octree should hold them.
-pub struct Block<'a> {
-    pub input: &'a Input,
+pub struct RecordBlock<'a> {
+    pub input: &'a VerifyInput,
     pub records: &'a [u8],
     pub converted: Converted,
 }
@@ -75,9 +75,9 @@ pub struct Block<'a> {
 /// thread.
 pub fn fold<A: Send>(
     files: &[PathBuf],
-    octree: &Octree,
+    octree: &OctreeUnderTest,
     start: impl Fn() -> A + Sync + Send,
-    each: impl Fn(&mut A, Block) + Sync + Send,
+    each: impl Fn(&mut A, RecordBlock) + Sync + Send,
     merge: impl Fn(A, A) -> A + Sync + Send,
 ) -> Result<A, VerifyError> {
     let slices = files.iter().flat_map(|path| slices(path, octree));
@@ -89,7 +89,7 @@ pub fn fold<A: Send>(
                 let (input, slice) = slice?;
                 input.file.read(slice, &mut raw)?;
                 let converted = input.mapping.convert(&raw, &mut records);
-                each(&mut state, Block { input: &input, records: &records, converted });
+                each(&mut state, RecordBlock { input: &input, records: &records, converted });
                 Ok::<_, VerifyError>((state, raw, records))
             },
         )
@@ -97,11 +97,11 @@ pub fn fold<A: Send>(
         .try_reduce(&start, |a, b| Ok(merge(a, b)))
 }
 
-type InputSlice = Result<(Arc<Input>, Slice), VerifyError>;
+type InputSlice = Result<(Arc<VerifyInput>, Slice), VerifyError>;
 
 /// The slices of a file, or why it cannot be read.
-fn slices(path: &Path, octree: &Octree) -> Vec<InputSlice> {
-    match Input::open(path, octree) {
+fn slices(path: &Path, octree: &OctreeUnderTest) -> Vec<InputSlice> {
+    match VerifyInput::open(path, octree) {
         Ok(input) => {
             let slices = input.file.slices(SLICE);
             let input = Arc::new(input);

@@ -65,7 +65,7 @@ pub(super) struct Purse {
 }
 
 /// A part of a purse; given back when it is dropped.
-pub(super) struct Taken<'a> {
+pub(super) struct Reservation<'a> {
     purse: &'a Purse,
     bytes: u64,
 }
@@ -76,7 +76,7 @@ impl Purse {
     }
 
     /// Waits for so many bytes; nothing where there are never as many.
-    pub fn take(&self, bytes: u64) -> Option<Taken<'_>> {
+    pub fn take(&self, bytes: u64) -> Option<Reservation<'_>> {
         if bytes > self.most {
             return None;
         }
@@ -85,7 +85,7 @@ impl Purse {
             left = self.more.wait(left).unwrap_or_else(PoisonError::into_inner);
         }
         *left -= bytes;
-        Some(Taken { purse: self, bytes })
+        Some(Reservation { purse: self, bytes })
     }
 
     fn lock(&self) -> MutexGuard<'_, u64> {
@@ -93,7 +93,7 @@ impl Purse {
     }
 }
 
-impl Drop for Taken<'_> {
+impl Drop for Reservation<'_> {
     fn drop(&mut self) {
         *self.purse.lock() += self.bytes;
         self.purse.more.notify_all();

@@ -5,12 +5,12 @@
 use crate::format::las::Header;
 use crate::octree::attribute::{Attribute, ExtraField, Scalar, Schema};
 
-use super::octree::Octree;
+use super::octree::OctreeUnderTest;
 use super::report::PositionError;
 
 /// Where an attribute's value stands in a LAS record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Source {
+enum FieldSource {
     Bytes {
         at: usize,
         length: usize,
@@ -26,20 +26,20 @@ enum Source {
     },
 }
 
-impl Source {
+impl FieldSource {
     fn is_zero(self, record: &[u8]) -> bool {
         match self {
-            Source::Bytes { at, length } => record[at..at + length].iter().all(|&byte| byte == 0),
-            Source::Bits { at, shift, mask } => record[at] >> shift & mask == 0,
-            Source::Degrees { at } => record[at] == 0,
+            FieldSource::Bytes { at, length } => record[at..at + length].iter().all(|&byte| byte == 0),
+            FieldSource::Bits { at, shift, mask } => record[at] >> shift & mask == 0,
+            FieldSource::Degrees { at } => record[at] == 0,
         }
     }
 
     fn copy(self, record: &[u8], to: &mut [u8]) {
         match self {
-            Source::Bytes { at, length } => to[..length].copy_from_slice(&record[at..at + length]),
-            Source::Bits { at, shift, mask } => to[0] = record[at] >> shift & mask,
-            Source::Degrees { at } => {
+            FieldSource::Bytes { at, length } => to[..length].copy_from_slice(&record[at..at + length]),
+            FieldSource::Bits { at, shift, mask } => to[0] = record[at] >> shift & mask,
+            FieldSource::Degrees { at } => {
                 let angle = (f64::from(record[at] as i8) / 0.006).round() as i16;
                 to[..2].copy_from_slice(&angle.to_le_bytes());
             }
@@ -48,14 +48,14 @@ impl Source {
 }
 
 /// A standard attribute: its name, type and place.
-struct Field(&'static str, Scalar, usize, Source);
+struct StandardAttribute(&'static str, Scalar, usize, FieldSource);
 
-const fn bits(at: usize, shift: u8, width: u8) -> Source {
-    Source::Bits { at, shift, mask: ((1u16 << width) - 1) as u8 }
+const fn bits(at: usize, shift: u8, width: u8) -> FieldSource {
+    FieldSource::Bits { at, shift, mask: ((1u16 << width) - 1) as u8 }
 }
 
-const fn bytes(at: usize, length: usize) -> Source {
-    Source::Bytes { at, length }
+const fn bytes(at: usize, length: usize) -> FieldSource {
+    FieldSource::Bytes { at, length }
 }
 
 /// The names that mean the standard's own fields, or averages of them, wherever
@@ -91,19 +91,19 @@ const STANDARD: [&str; 27] = [
 ];
 
 /// The standard fields of a point format, but for the position.
-fn standard_fields(format: u8) -> Vec<Field> {
-    let mut fields = vec![Field("intensity", Scalar::U16, 1, bytes(12, 2))];
+fn standard_fields(format: u8) -> Vec<StandardAttribute> {
+    let mut fields = vec![StandardAttribute("intensity", Scalar::U16, 1, bytes(12, 2))];
     let (gps_time, rgb, nir, waveform) = if format < 6 {
         fields.extend([
-            Field("return number", Scalar::U8, 1, bits(14, 0, 3)),
-            Field("number of returns", Scalar::U8, 1, bits(14, 3, 3)),
-            Field("scan direction flag", Scalar::U8, 1, bits(14, 6, 1)),
-            Field("edge of flight line", Scalar::U8, 1, bits(14, 7, 1)),
-            Field("classification", Scalar::U8, 1, bits(15, 0, 5)),
-            Field("classification flags", Scalar::U8, 1, bits(15, 5, 3)),
-            Field("scan angle rank", Scalar::U8, 1, bytes(16, 1)),
-            Field("user data", Scalar::U8, 1, bytes(17, 1)),
-            Field("point source id", Scalar::U16, 1, bytes(18, 2)),
+            StandardAttribute("return number", Scalar::U8, 1, bits(14, 0, 3)),
+            StandardAttribute("number of returns", Scalar::U8, 1, bits(14, 3, 3)),
+            StandardAttribute("scan direction flag", Scalar::U8, 1, bits(14, 6, 1)),
+            StandardAttribute("edge of flight line", Scalar::U8, 1, bits(14, 7, 1)),
+            StandardAttribute("classification", Scalar::U8, 1, bits(15, 0, 5)),
+            StandardAttribute("classification flags", Scalar::U8, 1, bits(15, 5, 3)),
+            StandardAttribute("scan angle rank", Scalar::U8, 1, bytes(16, 1)),
+            StandardAttribute("user data", Scalar::U8, 1, bytes(17, 1)),
+            StandardAttribute("point source id", Scalar::U16, 1, bytes(18, 2)),
         ]);
         match format {
             1 => (Some(20), None, None, None),
@@ -115,16 +115,16 @@ fn standard_fields(format: u8) -> Vec<Field> {
         }
     } else {
         fields.extend([
-            Field("return number", Scalar::U8, 1, bits(14, 0, 4)),
-            Field("number of returns", Scalar::U8, 1, bits(14, 4, 4)),
-            Field("classification flags", Scalar::U8, 1, bits(15, 0, 4)),
-            Field("scanner channel", Scalar::U8, 1, bits(15, 4, 2)),
-            Field("scan direction flag", Scalar::U8, 1, bits(15, 6, 1)),
-            Field("edge of flight line", Scalar::U8, 1, bits(15, 7, 1)),
-            Field("classification", Scalar::U8, 1, bytes(16, 1)),
-            Field("user data", Scalar::U8, 1, bytes(17, 1)),
-            Field("scan angle", Scalar::I16, 1, bytes(18, 2)),
-            Field("point source id", Scalar::U16, 1, bytes(20, 2)),
+            StandardAttribute("return number", Scalar::U8, 1, bits(14, 0, 4)),
+            StandardAttribute("number of returns", Scalar::U8, 1, bits(14, 4, 4)),
+            StandardAttribute("classification flags", Scalar::U8, 1, bits(15, 0, 4)),
+            StandardAttribute("scanner channel", Scalar::U8, 1, bits(15, 4, 2)),
+            StandardAttribute("scan direction flag", Scalar::U8, 1, bits(15, 6, 1)),
+            StandardAttribute("edge of flight line", Scalar::U8, 1, bits(15, 7, 1)),
+            StandardAttribute("classification", Scalar::U8, 1, bytes(16, 1)),
+            StandardAttribute("user data", Scalar::U8, 1, bytes(17, 1)),
+            StandardAttribute("scan angle", Scalar::I16, 1, bytes(18, 2)),
+            StandardAttribute("point source id", Scalar::U16, 1, bytes(20, 2)),
         ]);
         match format {
             7 => (Some(22), Some(30), None, None),
@@ -134,18 +134,18 @@ fn standard_fields(format: u8) -> Vec<Field> {
             _ => (Some(22), None, None, None),
         }
     };
-    fields.extend(gps_time.map(|at| Field("gps-time", Scalar::F64, 1, bytes(at, 8))));
-    fields.extend(rgb.map(|at| Field("rgb", Scalar::U16, 3, bytes(at, 6))));
-    fields.extend(nir.map(|at| Field("nir", Scalar::U16, 1, bytes(at, 2))));
+    fields.extend(gps_time.map(|at| StandardAttribute("gps-time", Scalar::F64, 1, bytes(at, 8))));
+    fields.extend(rgb.map(|at| StandardAttribute("rgb", Scalar::U16, 3, bytes(at, 6))));
+    fields.extend(nir.map(|at| StandardAttribute("nir", Scalar::U16, 1, bytes(at, 2))));
     if let Some(at) = waveform {
         fields.extend([
-            Field("wave packet descriptor index", Scalar::U8, 1, bytes(at, 1)),
-            Field("byte offset to waveform data", Scalar::U64, 1, bytes(at + 1, 8)),
-            Field("waveform packet size", Scalar::U32, 1, bytes(at + 9, 4)),
-            Field("return point waveform location", Scalar::F32, 1, bytes(at + 13, 4)),
-            Field("x(t)", Scalar::F32, 1, bytes(at + 17, 4)),
-            Field("y(t)", Scalar::F32, 1, bytes(at + 21, 4)),
-            Field("z(t)", Scalar::F32, 1, bytes(at + 25, 4)),
+            StandardAttribute("wave packet descriptor index", Scalar::U8, 1, bytes(at, 1)),
+            StandardAttribute("byte offset to waveform data", Scalar::U64, 1, bytes(at + 1, 8)),
+            StandardAttribute("waveform packet size", Scalar::U32, 1, bytes(at + 9, 4)),
+            StandardAttribute("return point waveform location", Scalar::F32, 1, bytes(at + 13, 4)),
+            StandardAttribute("x(t)", Scalar::F32, 1, bytes(at + 17, 4)),
+            StandardAttribute("y(t)", Scalar::F32, 1, bytes(at + 21, 4)),
+            StandardAttribute("z(t)", Scalar::F32, 1, bytes(at + 25, 4)),
         ]);
     }
     fields
@@ -153,15 +153,15 @@ fn standard_fields(format: u8) -> Vec<Field> {
 
 /// How positions of a file come onto the octree's lattice, on one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Axis {
+enum PositionMapping {
     /// Whole numbers of units in whole numbers of units.
     Exact { factor: i64, shift: i64 },
     /// Through world coordinates, to the nearest unit.
     Rounded { scale: f64, offset: f64, to_scale: f64, to_offset: f64 },
 }
 
-impl Axis {
-    fn new(scale: f64, offset: f64, to_scale: f64, to_offset: f64) -> Axis {
+impl PositionMapping {
+    fn new(scale: f64, offset: f64, to_scale: f64, to_offset: f64) -> PositionMapping {
         let (factor, shift) = (scale / to_scale, (offset - to_offset) / to_scale);
         // The noise of decimal fractions as floats; it grows with the offsets.
         let noise = 1e-6 + 4.0 * f64::EPSILON * (offset.abs() + to_offset.abs()) / to_scale;
@@ -173,16 +173,16 @@ impl Axis {
             && shift.abs() < 1e17
             && (shift - shift.round()).abs() <= noise;
         match is_exact {
-            true => Axis::Exact { factor: factor.round() as i64, shift: shift.round() as i64 },
-            false => Axis::Rounded { scale, offset, to_scale, to_offset },
+            true => PositionMapping::Exact { factor: factor.round() as i64, shift: shift.round() as i64 },
+            false => PositionMapping::Rounded { scale, offset, to_scale, to_offset },
         }
     }
 
     /// The lattice index, and how many units it lies beside the true place.
     fn index(self, position: i32) -> (f64, f64) {
         match self {
-            Axis::Exact { factor, shift } => ((i64::from(position) * factor + shift) as f64, 0.0),
-            Axis::Rounded { scale, offset, to_scale, to_offset } => {
+            PositionMapping::Exact { factor, shift } => ((i64::from(position) * factor + shift) as f64, 0.0),
+            PositionMapping::Rounded { scale, offset, to_scale, to_offset } => {
                 let exact = (f64::from(position) * scale + offset - to_offset) / to_scale;
                 (exact.round(), (exact - exact.round()).abs())
             }
@@ -193,11 +193,11 @@ impl Axis {
 /// How the records of one file become records of the octree.
 #[derive(Debug)]
 pub struct Mapping {
-    axes: [Axis; 3],
+    axes: [PositionMapping; 3],
     scale: [f64; 3],
     to_scale: [f64; 3],
     /// Where a value comes from and goes to.
-    steps: Vec<(Source, usize)>,
+    steps: Vec<(FieldSource, usize)>,
     /// Fields of the file for which the octree has no attribute.
     pub left: Vec<(String, LeftOut)>,
     /// Standard attributes that the octree has in another type.
@@ -208,7 +208,7 @@ pub struct Mapping {
 
 /// A field that the octree does not have: it may only be zero.
 #[derive(Debug, Clone, Copy)]
-pub struct LeftOut(Source);
+pub struct LeftOut(FieldSource);
 
 /// What became of a slice's points beside their records.
 #[derive(Debug, Clone, Default)]
@@ -222,10 +222,11 @@ pub struct Converted {
 }
 
 impl Mapping {
-    pub fn new(header: &Header, octree: &Octree) -> Mapping {
-        let Octree { metadata, schema, colors, .. } = octree;
-        let axis =
-            |a: usize| Axis::new(header.scale[a], header.offset[a], metadata.scale[a], metadata.offset[a]);
+    pub fn new(header: &Header, octree: &OctreeUnderTest) -> Mapping {
+        let OctreeUnderTest { metadata, schema, colors, .. } = octree;
+        let axis = |a: usize| {
+            PositionMapping::new(header.scale[a], header.offset[a], metadata.scale[a], metadata.offset[a])
+        };
         let mut mapping = Mapping {
             axes: [axis(0), axis(1), axis(2)],
             // A negative scale only mirrors the integers.
@@ -237,14 +238,14 @@ impl Mapping {
             record_length: header.record_length,
             record_size: schema.record_size(),
         };
-        for Field(name, scalar, elements, source) in standard_fields(header.point_format) {
+        for StandardAttribute(name, scalar, elements, source) in standard_fields(header.point_format) {
             let name = colors.as_ref().filter(|_| name == "rgb").map_or(name, |colors| colors.own);
             match schema.attributes.iter().find(|a| a.name == name) {
                 Some(a) if (a.scalar, a.elements) == (scalar, elements) => mapping.take(schema, name, source),
                 Some(_) => mapping.mistyped.push(name.to_string()),
                 // COPC of other programs has no place for whole degrees.
                 None if name == "scan angle rank" && has_angle(octree) => {
-                    mapping.take(schema, "scan angle", Source::Degrees { at: 16 });
+                    mapping.take(schema, "scan angle", FieldSource::Degrees { at: 16 });
                 }
                 None => mapping.left.push((name.to_string(), LeftOut(source))),
             }
@@ -263,7 +264,7 @@ impl Mapping {
         mapping
     }
 
-    fn take(&mut self, schema: &Schema, name: &str, source: Source) {
+    fn take(&mut self, schema: &Schema, name: &str, source: FieldSource) {
         self.steps.extend(schema.offset_of(name).map(|to| (source, to)));
     }
 
@@ -318,7 +319,7 @@ impl PositionError {
     }
 }
 
-fn has_angle(octree: &Octree) -> bool {
+fn has_angle(octree: &OctreeUnderTest) -> bool {
     let is_angle = |a: &Attribute| (a.name.as_str(), a.scalar) == ("scan angle", Scalar::I16);
     octree.copc().is_some() && octree.schema.attributes.iter().any(is_angle)
 }
@@ -358,19 +359,19 @@ mod tests {
             let length = crate::format::las::record_length(format).unwrap();
             let mut covered = vec![0u8; length];
             covered[..12].fill(0xff);
-            for Field(name, scalar, elements, source) in standard_fields(format) {
+            for StandardAttribute(name, scalar, elements, source) in standard_fields(format) {
                 assert!(STANDARD.contains(&name), "{name}");
                 match source {
-                    Source::Bytes { at, length } => {
+                    FieldSource::Bytes { at, length } => {
                         assert_eq!(length, scalar.size() * elements, "{name}");
                         assert!(covered[at..at + length].iter().all(|&c| c == 0), "{name}");
                         covered[at..at + length].fill(0xff);
                     }
-                    Source::Bits { at, shift, mask } => {
+                    FieldSource::Bits { at, shift, mask } => {
                         assert_eq!(covered[at] & mask << shift, 0, "{name}");
                         covered[at] |= mask << shift;
                     }
-                    Source::Degrees { .. } => unreachable!("no field of a format"),
+                    FieldSource::Degrees { .. } => unreachable!("no field of a format"),
                 }
             }
             assert!(covered.iter().all(|&c| c == 0xff), "format {format}: {covered:x?}");
@@ -379,11 +380,11 @@ mod tests {
 
     #[test]
     fn lattices_of_decimal_fractions_are_exact() {
-        let axis = Axis::new(0.01, 4_500_000.3, 0.001, 4_499_999.871);
-        assert_eq!(axis, Axis::Exact { factor: 10, shift: 429 });
-        assert!(matches!(Axis::new(0.001, 0.0, 0.01, 0.0), Axis::Rounded { .. }));
-        assert!(matches!(Axis::new(0.001, 0.0004, 0.001, 0.0), Axis::Rounded { .. }));
-        let (index, error) = Axis::new(0.001, 0.0004, 0.001, 0.0).index(7);
+        let axis = PositionMapping::new(0.01, 4_500_000.3, 0.001, 4_499_999.871);
+        assert_eq!(axis, PositionMapping::Exact { factor: 10, shift: 429 });
+        assert!(matches!(PositionMapping::new(0.001, 0.0, 0.01, 0.0), PositionMapping::Rounded { .. }));
+        assert!(matches!(PositionMapping::new(0.001, 0.0004, 0.001, 0.0), PositionMapping::Rounded { .. }));
+        let (index, error) = PositionMapping::new(0.001, 0.0004, 0.001, 0.0).index(7);
         assert_eq!(index, 7.0);
         assert!((error - 0.4).abs() < 1e-9);
     }

@@ -34,12 +34,12 @@ use crate::format::finished::{self, Finished};
 use crate::format::inputs::expand;
 use crate::format::potree::{Metadata, PotreeError};
 pub use error::VerifyError;
-use octree::{Octree, Opened};
-pub use report::{Check, Comparison, Outcome, PositionError, Report};
-pub use request::{Request, Spacing};
+use octree::{OctreeUnderTest, OpenedOctree};
+pub use report::{Check, CheckOutcome, Comparison, PositionError, VerifyReport};
+pub use request::{SpacingRule, VerifyRequest};
 
 /// Checks an octree, on the threads of the current rayon pool.
-pub fn verify(request: &Request) -> Result<Report, VerifyError> {
+pub fn verify(request: &VerifyRequest) -> Result<VerifyReport, VerifyError> {
     let files = match request.against.is_empty() {
         true => Vec::new(),
         false => expand(&request.against)?,
@@ -49,20 +49,20 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
         Finished::Octree(folder) => folder,
         Finished::Neither => request.octree.clone(),
     };
-    let mut octree = match Octree::open(&folder, request.memory_limit) {
-        Opened::Whole(octree) => octree,
-        Opened::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
-        Opened::Nothing(error) => return Ok(unreadable(request, None, &error)),
-        Opened::Metadata(_, error @ PotreeError::Read { .. }) => return Err(error.into()),
-        Opened::Metadata(metadata, error) => return Ok(unreadable(request, Some(&metadata), &error)),
+    let mut octree = match OctreeUnderTest::open(&folder, request.memory_limit) {
+        OpenedOctree::Whole(octree) => octree,
+        OpenedOctree::Nothing(error @ PotreeError::Read { .. }) => return Err(error.into()),
+        OpenedOctree::Nothing(error) => return Ok(unreadable(request, None, &error)),
+        OpenedOctree::Metadata(_, error @ PotreeError::Read { .. }) => return Err(error.into()),
+        OpenedOctree::Metadata(metadata, error) => return Ok(unreadable(request, Some(&metadata), &error)),
     };
-    let mut report = Report::empty(request, Some(&octree.metadata));
+    let mut report = VerifyReport::empty(request, Some(&octree.metadata));
     report.nodes = octree.nodes.len() as u64;
     report.depth = octree::depth(&octree.nodes);
     report.points = octree::points(&octree.nodes);
     report.bytes = octree.bytes;
     report.checks.push(structure::metadata(&octree.metadata));
-    if report.checks[0].outcome == Outcome::Wrong {
+    if report.checks[0].outcome == CheckOutcome::Wrong {
         report.checks.push(Check::skipped("all else", "rests on metadata.json"));
         return Ok(report);
     }
@@ -82,8 +82,8 @@ pub fn verify(request: &Request) -> Result<Report, VerifyError> {
 }
 
 /// The report on an octree whose files cannot be made sense of.
-fn unreadable(request: &Request, metadata: Option<&Metadata>, error: &PotreeError) -> Report {
-    let mut report = Report::empty(request, metadata);
+fn unreadable(request: &VerifyRequest, metadata: Option<&Metadata>, error: &PotreeError) -> VerifyReport {
+    let mut report = VerifyReport::empty(request, metadata);
     report.checks.push(match metadata {
         Some(metadata) => structure::metadata(metadata),
         None => Check::wrong("metadata", error.to_string()),

@@ -10,13 +10,13 @@ use std::sync::Arc;
 
 use super::color_attributes::ColorAttributes;
 use super::limits::{self, Purse};
-use crate::format::copc::{CopcCube, CopcError, CopcFile, Entry, hierarchy};
+use crate::format::copc::{CopcCube, CopcEntry, CopcError, CopcFile, hierarchy};
 use crate::format::las::LasFile;
 use crate::format::potree::Generator;
 use crate::format::potree::encoding::{is_believable, unpacked_size};
 use crate::format::potree::hierarchy::{inspect_hierarchy_file, most_nodes};
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
-use crate::format::potree::{self, Encoding, Metadata, Node, NodeName, PotreeError, files};
+use crate::format::potree::{self, Metadata, Node, NodeName, PotreeEncoding, PotreeError, files};
 use crate::octree::attribute::{RGB_AVERAGE, RGB_ORIGINAL, Schema};
 use crate::platform::disk::others::{Links, read_file};
 
@@ -29,14 +29,14 @@ const LEAST_PURSE: u64 = 64 << 20;
 const MOST_REPORT: u64 = 64 << 20;
 
 #[derive(Debug)]
-pub struct Octree {
+pub struct OctreeUnderTest {
     pub metadata: Metadata,
     pub schema: Schema,
     /// The two colors of a point, where coarse levels are averaged.
     pub colors: Option<ColorAttributes>,
     /// Sorted by name.
     pub nodes: Vec<Node>,
-    pub oddities: Vec<potree::hierarchy::Oddity>,
+    pub oddities: Vec<potree::hierarchy::HierarchyWarning>,
     /// Size of octree.bin.
     pub bytes: u64,
     /// LAS files beside it with the points that were kept out of it.
@@ -48,12 +48,12 @@ pub struct Octree {
     /// Nodes whose points are not read, and why.
     left_out: HashMap<NodeName, &'static str>,
     purse: Purse,
-    body: Body,
+    body: PointStore,
 }
 
 /// Where the points are.
 #[derive(Debug)]
-enum Body {
+enum PointStore {
     /// octree.bin.
     Potree(File),
     Copc(Box<CopcFile>),
@@ -84,27 +84,27 @@ fn dropped(folder: &Path) -> u64 {
 }
 
 /// How far an octree could be opened.
-pub enum Opened {
-    Whole(Box<Octree>),
+pub enum OpenedOctree {
+    Whole(Box<OctreeUnderTest>),
     /// The metadata is readable, the rest is not.
     Metadata(Box<Metadata>, PotreeError),
     Nothing(PotreeError),
 }
 
-impl Octree {
+impl OctreeUnderTest {
     /// Opens an octree for work with so many bytes of memory.
-    pub fn open(folder: &Path, memory_limit: u64) -> Opened {
+    pub fn open(folder: &Path, memory_limit: u64) -> OpenedOctree {
         let metadata = match Metadata::read(folder) {
             Ok(metadata) => metadata,
-            Err(error) => return Opened::Nothing(error),
+            Err(error) => return OpenedOctree::Nothing(error),
         };
-        match Octree::open_rest(folder, &metadata, memory_limit) {
-            Ok(octree) => Opened::Whole(Box::new(octree)),
-            Err(error) => Opened::Metadata(Box::new(metadata), error),
+        match OctreeUnderTest::open_rest(folder, &metadata, memory_limit) {
+            Ok(octree) => OpenedOctree::Whole(Box::new(octree)),
+            Err(error) => OpenedOctree::Metadata(Box::new(metadata), error),
         }
     }
 
-    fn open_rest(folder: &Path, metadata: &Metadata, memory_limit: u64) -> potree::Result<Octree> {
+    fn open_rest(folder: &Path, metadata: &Metadata, memory_limit: u64) -> potree::Result<OctreeUnderTest> {
         let schema = metadata.schema()?;
         let (hierarchy, length) = files::open(folder, potree::HIERARCHY)?;
         let (first, most) = (metadata.hierarchy.first_chunk_size, most_nodes(memory_limit.max(LEAST_PURSE)));
@@ -115,7 +115,7 @@ impl Octree {
         let colors = ColorAttributes::of(&metadata, &schema);
         let left_out = limits::left_out(&metadata, &schema, &nodes, &files::holes(&file, bytes), bytes);
         let purse = Purse::new((memory_limit / 2).max(LEAST_PURSE));
-        Ok(Octree {
+        Ok(OctreeUnderTest {
             metadata,
             schema,
             colors,
@@ -127,12 +127,12 @@ impl Octree {
             readable,
             left_out,
             purse,
-            body: Body::Potree(file),
+            body: PointStore::Potree(file),
         })
     }
 
     /// The same of a COPC file, described as if it were an octree of Potree.
-    pub fn of_copc(file: CopcFile, memory_limit: u64) -> Octree {
+    pub fn of_copc(file: CopcFile, memory_limit: u64) -> OctreeUnderTest {
         let schema = file.schema().clone();
         let folder = file.path().parent().unwrap_or(Path::new("")).to_path_buf();
         // What lies beside others' files has nothing to do with them.
@@ -142,7 +142,7 @@ impl Octree {
         };
         let nodes = copc_nodes(&file);
         let metadata = copc_metadata(&file, &folder, depth(&nodes));
-        Octree {
+        OctreeUnderTest {
             colors: ColorAttributes::of(&metadata, &schema),
             metadata,
             schema,
@@ -154,15 +154,15 @@ impl Octree {
             readable: HashMap::new(),
             left_out: HashMap::new(),
             purse: Purse::new((memory_limit / 2).max(LEAST_PURSE)),
-            body: Body::Copc(Box::new(file)),
+            body: PointStore::Copc(Box::new(file)),
         }
     }
 
     /// The COPC file that this is.
     pub fn copc(&self) -> Option<&CopcFile> {
         match &self.body {
-            Body::Copc(file) => Some(file),
-            Body::Potree(_) => None,
+            PointStore::Copc(file) => Some(file),
+            PointStore::Potree(_) => None,
         }
     }
 
@@ -201,18 +201,18 @@ impl Octree {
         // Sums and samples of a node are no larger than its records.
         let records = u64::from(node.points).saturating_mul(record_size as u64);
         let file = match &self.body {
-            Body::Potree(file) => file,
-            Body::Copc(copc) => return self.copc_block(copc, node, records, block),
+            PointStore::Potree(file) => file,
+            PointStore::Copc(copc) => return self.copc_block(copc, node, records, block),
         };
-        if self.metadata.encoding == Encoding::Brotli {
-            let unpacked = unpacked_size(&self.schema, Encoding::Brotli, node.points);
+        if self.metadata.encoding == PotreeEncoding::Brotli {
+            let unpacked = unpacked_size(&self.schema, PotreeEncoding::Brotli, node.points);
             let _memory = self.purse.take(node.size + unpacked + 2 * records).ok_or_else(|| {
                 let (points, most) = (node.points, self.purse.most);
                 PotreeError::Points(format!("{points} points do not fit {most} bytes of memory"))
             })?;
             let mut bytes = files::zeroed(node.size)?;
             file.read_exact_at(&mut bytes, node.offset).map_err(damaged)?;
-            block(&potree::decode_node(&self.schema, Encoding::Brotli, node.points, &bytes)?);
+            block(&potree::decode_node(&self.schema, PotreeEncoding::Brotli, node.points, &bytes)?);
             return Ok(());
         }
         let block_points = BLOCK.min(MOST_BLOCK / record_size).clamp(1, node.points as usize);
@@ -228,7 +228,7 @@ impl Octree {
     }
 }
 
-impl Octree {
+impl OctreeUnderTest {
     /// A chunk is decoded whole: its bytes, its records as LAS, and those of the octree.
     fn copc_block(
         &self,
@@ -251,7 +251,7 @@ impl Octree {
 }
 
 /// The entry of a node in the file's hierarchy.
-pub fn entry_of(file: &CopcFile, name: NodeName) -> Option<&Entry> {
+pub fn entry_of(file: &CopcFile, name: NodeName) -> Option<&CopcEntry> {
     file.node_at(name.level(), name.cell())
 }
 
@@ -295,7 +295,7 @@ fn copc_metadata(file: &CopcFile, folder: &Path, depth: u32) -> Metadata {
         scale: file.front.scale,
         spacing: file.spacing(),
         bounding_box: BoundingBox { min: center.map(|c| c - halfsize), max: center.map(|c| c + halfsize) },
-        encoding: Encoding::Default,
+        encoding: PotreeEncoding::Default,
         generator: Some(Generator {
             name: file.header.software.clone(),
             version: String::new(),

@@ -5,13 +5,13 @@
 
 use rayon::prelude::*;
 
-use super::colors::Means;
-use super::cube::Cube;
+use super::colors::ColorMeans;
+use super::cube::RootCube;
 use super::digest::Sum;
-use super::octree::{Octree, position};
-use super::recomputed_statistics::Tally;
+use super::octree::{OctreeUnderTest, position};
+use super::recomputed_statistics::RecomputedStatistics;
 use super::report::{Check, Findings};
-use super::request::Spacing;
+use super::request::SpacingRule;
 use super::spacing::{self, Limit};
 use super::structure::is_ours;
 use crate::format::potree::{MetadataAttribute, Node, attribute_entry};
@@ -27,32 +27,32 @@ enum Rule {
 
 /// What the pass found; adds up in any order.
 #[derive(Debug, Clone)]
-pub struct Walk {
+pub struct PointPass {
     undecodable: Findings,
     outside: Findings,
     /// Breaches of the sampling rule.
     crowded: Findings,
     /// Inner nodes that were held to it, and their points.
     inner: (u64, u64),
-    means: Means,
-    tally: Tally,
+    means: ColorMeans,
+    tally: RecomputedStatistics,
     pub sum: Sum,
 }
 
-impl Walk {
-    fn new(octree: &Octree) -> Walk {
-        Walk {
+impl PointPass {
+    fn new(octree: &OctreeUnderTest) -> PointPass {
+        PointPass {
             undecodable: Findings::default(),
             outside: Findings::default(),
             crowded: Findings::default(),
             inner: (0, 0),
-            means: Means::default(),
-            tally: Tally::new(&octree.schema),
+            means: ColorMeans::default(),
+            tally: RecomputedStatistics::new(&octree.schema),
             sum: Sum::default(),
         }
     }
 
-    fn merge(mut self, other: Walk) -> Walk {
+    fn merge(mut self, other: PointPass) -> PointPass {
         self.undecodable.merge(other.undecodable);
         self.outside.merge(other.outside);
         self.crowded.merge(other.crowded);
@@ -66,10 +66,10 @@ impl Walk {
 
 /// Walks all nodes whose bytes are where the hierarchy says. Records are summed
 /// up only where they will be compared.
-pub fn walk(octree: &Octree, with_sum: bool) -> Walk {
-    let cube = Cube::new(&octree.metadata);
+pub fn walk(octree: &OctreeUnderTest, with_sum: bool) -> PointPass {
+    let cube = RootCube::new(&octree.metadata);
     let rule = rule_of(octree);
-    let fold = |mut walk: Walk, (index, node): (usize, &Node)| {
+    let fold = |mut walk: PointPass, (index, node): (usize, &Node)| {
         if octree.is_readable(node) {
             visit(octree, &cube, rule, with_sum, (index, node), &mut walk);
         }
@@ -80,13 +80,13 @@ pub fn walk(octree: &Octree, with_sum: bool) -> Walk {
         .par_iter()
         .enumerate()
         .with_min_len(16)
-        .fold(|| Walk::new(octree), fold)
-        .reduce(|| Walk::new(octree), Walk::merge)
+        .fold(|| PointPass::new(octree), fold)
+        .reduce(|| PointPass::new(octree), PointPass::merge)
 }
 
 /// The rule the octree says it keeps; one that does not say is measured by the
 /// usual one.
-fn rule_of(octree: &Octree) -> Rule {
+fn rule_of(octree: &OctreeUnderTest) -> Rule {
     match octree.metadata.generator.as_ref().map(|generator| generator.sampling.as_str()) {
         Some("random" | "nearest") => Rule::Grid,
         Some("poisson" | "shells") | None => Rule::Poisson,
@@ -95,12 +95,12 @@ fn rule_of(octree: &Octree) -> Rule {
 }
 
 fn visit(
-    octree: &Octree,
-    cube: &Cube,
+    octree: &OctreeUnderTest,
+    cube: &RootCube,
     rule: Rule,
     with_sum: bool,
     (index, node): (usize, &Node),
-    walk: &mut Walk,
+    walk: &mut PointPass,
 ) {
     let bounds = cube.bounds(node.name);
     let record_size = octree.schema.record_size();
@@ -108,7 +108,7 @@ fn visit(
     let mut sample: Vec<[i32; 3]> = Vec::new();
     let mut outside = 0;
     let mut buffer = Vec::new();
-    let Walk { undecodable, outside: findings, means, tally, sum, .. } = walk;
+    let PointPass { undecodable, outside: findings, means, tally, sum, .. } = walk;
     let read = octree.blocks(node, |records| {
         for record in records.chunks_exact(record_size) {
             let place = position(record);
@@ -137,8 +137,8 @@ fn visit(
 
 /// Holds an inner node's points to the sampling's rule.
 fn hold_to_rule(
-    octree: &Octree,
-    cube: &Cube,
+    octree: &OctreeUnderTest,
+    cube: &RootCube,
     rule: Rule,
     (index, node): (usize, &Node),
     sample: &[[i32; 3]],
@@ -183,25 +183,26 @@ fn hold_to_rule(
 
 /// The limit in whole units, where all axes have the same scale, the node's
 /// side is a power of two of it, and the root's spacing is 1/128 of its side.
-fn exact_limit(octree: &Octree, exponent: Option<i32>) -> Option<Limit> {
+fn exact_limit(octree: &OctreeUnderTest, exponent: Option<i32>) -> Option<Limit> {
     let [x, y, z] = octree.metadata.scale;
     let bounds = &octree.metadata.bounding_box;
     let is_usual = ((bounds.max[0] - bounds.min[0]) / octree.metadata.spacing - 128.0).abs() < 1e-6;
     (x == y && y == z && is_usual).then(|| exponent.map(|e| Limit::of_exponent(e - 7)))?
 }
 
-impl Walk {
+impl PointPass {
     /// What the pass found, in words.
-    pub fn checks(self, octree: &Octree, spacing: Spacing) -> Vec<Check> {
+    pub fn checks(self, octree: &OctreeUnderTest, spacing: SpacingRule) -> Vec<Check> {
         let statistics = statistics(octree, &self.tally);
         let averages = self.means.clone().check(octree, &self.tally);
         let readable = self.undecodable.count == 0;
-        let bounds = if Cube::new(&octree.metadata).is_lattice() { "to the unit" } else { "within a unit" };
+        let bounds =
+            if RootCube::new(&octree.metadata).is_lattice() { "to the unit" } else { "within a unit" };
         let crowded = self.spacing_check(octree);
         let binds = match spacing {
-            Spacing::Require => true,
-            Spacing::Report => false,
-            Spacing::Auto => is_ours(&octree.metadata),
+            SpacingRule::Require => true,
+            SpacingRule::Report => false,
+            SpacingRule::Auto => is_ours(&octree.metadata),
         };
         let checks = [
             Check::of("decoding", self.undecodable, "every node decodes", "nodes do not decode"),
@@ -220,7 +221,7 @@ impl Walk {
         checks.into_iter().chain(averages).collect()
     }
 
-    fn spacing_check(&self, octree: &Octree) -> Check {
+    fn spacing_check(&self, octree: &OctreeUnderTest) -> Check {
         let (nodes, points) = (grouped(self.inner.0), grouped(self.inner.1));
         let (fine, wrong) = match rule_of(octree) {
             Rule::Poisson => {
@@ -237,7 +238,7 @@ impl Walk {
 }
 
 /// The statistics of metadata.json beside those of the points.
-fn statistics(octree: &Octree, tally: &Tally) -> Check {
+fn statistics(octree: &OctreeUnderTest, tally: &RecomputedStatistics) -> Check {
     let mut wrong = Findings::default();
     let entries = octree.metadata.attributes.iter().zip(&octree.schema.attributes).zip(tally.columns());
     for ((said, attribute), column) in entries {

@@ -91,13 +91,13 @@ impl Promise {
 }
 
 /// What is to be said of one file.
-enum Finding {
+enum FileFinding {
     Kept,
     Note(String),
     Broken(String),
 }
 
-fn judge(path: &Path, found: u64) -> io::Result<Finding> {
+fn judge(path: &Path, found: u64) -> io::Result<FileFinding> {
     let file = File::open(path)?;
     let promise = Promise::read(&file)?;
     let passed_over = promise.passed_over(&file, found)?;
@@ -106,20 +106,20 @@ fn judge(path: &Path, found: u64) -> io::Result<Finding> {
     let said = if said.is_empty() { "no".to_string() } else { said.join(" or ") };
     let said = format!("{name}: the header promises {said} points, {} were found", grouped(found));
     if passed_over > 0 {
-        return Ok(Finding::Broken(format!(
+        return Ok(FileFinding::Broken(format!(
             "{said}, and {} more records in its box lie behind them",
             grouped(passed_over)
         )));
     }
     if promise.counts.contains(&found) || promise.counts.is_empty() && found == 0 {
-        return Ok(Finding::Kept);
+        return Ok(FileFinding::Kept);
     }
     match promise.counts.iter().any(|count| *count > found) {
-        true => Ok(Finding::Broken(said)),
+        true => Ok(FileFinding::Broken(said)),
         false if promise.by_return > found => {
-            Ok(Finding::Broken(format!("{said}, and {} by return", grouped(promise.by_return))))
+            Ok(FileFinding::Broken(format!("{said}, and {} by return", grouped(promise.by_return))))
         }
-        false => Ok(Finding::Note(said)),
+        false => Ok(FileFinding::Note(said)),
     }
 }
 
@@ -130,9 +130,9 @@ pub fn check(files: &[PathBuf], found: &BTreeMap<PathBuf, u64>, damaged: bool) -
     for path in files {
         let found = found.get(path).copied().unwrap_or(0);
         match judge(path, found) {
-            Ok(Finding::Kept) => {}
-            Ok(Finding::Note(text)) => notes.push(text),
-            Ok(Finding::Broken(text)) => broken.push(text),
+            Ok(FileFinding::Kept) => {}
+            Ok(FileFinding::Note(text)) => notes.push(text),
+            Ok(FileFinding::Broken(text)) => broken.push(text),
             Err(error) => broken.push(format!("{}: {error}", path.display())),
         }
     }
@@ -155,7 +155,7 @@ pub fn check(files: &[PathBuf], found: &BTreeMap<PathBuf, u64>, damaged: bool) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::report::Outcome;
+    use super::super::report::CheckOutcome;
     use super::*;
 
     /// Twelve records of 20 bytes in a box of ten, and what is said of them.
@@ -183,34 +183,34 @@ mod tests {
         file
     }
 
-    fn outcome(file: &tempfile::NamedTempFile, found: u64) -> Outcome {
+    fn outcome(file: &tempfile::NamedTempFile, found: u64) -> CheckOutcome {
         let path = file.path().to_path_buf();
         check(std::slice::from_ref(&path), &BTreeMap::from([(path.clone(), found)]), false).outcome
     }
 
     #[test]
     fn what_was_promised_and_found_is_fine() {
-        assert_eq!(outcome(&file(12, 12, &[]), 12), Outcome::Ok);
-        assert_eq!(outcome(&file(12, 12, b"text behind the points, of no meaning"), 12), Outcome::Ok);
-        assert_eq!(outcome(&file(12, 12, &[0; 400]), 12), Outcome::Ok);
+        assert_eq!(outcome(&file(12, 12, &[]), 12), CheckOutcome::Ok);
+        assert_eq!(outcome(&file(12, 12, b"text behind the points, of no meaning"), 12), CheckOutcome::Ok);
+        assert_eq!(outcome(&file(12, 12, &[0; 400]), 12), CheckOutcome::Ok);
     }
 
     #[test]
     fn fewer_than_promised_are_wrong() {
-        assert_eq!(outcome(&file(13, 0, &[]), 12), Outcome::Wrong);
-        assert_eq!(outcome(&file(12, 12, &[]), 0), Outcome::Wrong);
+        assert_eq!(outcome(&file(13, 0, &[]), 12), CheckOutcome::Wrong);
+        assert_eq!(outcome(&file(12, 12, &[]), 0), CheckOutcome::Wrong);
     }
 
     #[test]
     fn more_than_promised_are_a_note() {
-        assert_eq!(outcome(&file(5, 5, &[]), 12), Outcome::Note);
-        assert_eq!(outcome(&file(0, 0, &[]), 12), Outcome::Note);
-        assert_eq!(outcome(&file(5, 13, &[]), 12), Outcome::Wrong);
+        assert_eq!(outcome(&file(5, 5, &[]), 12), CheckOutcome::Note);
+        assert_eq!(outcome(&file(0, 0, &[]), 12), CheckOutcome::Note);
+        assert_eq!(outcome(&file(5, 13, &[]), 12), CheckOutcome::Wrong);
     }
 
     #[test]
     fn points_that_were_passed_over_are_wrong() {
-        assert_eq!(outcome(&file(5, 5, &[]), 5), Outcome::Wrong);
-        assert_eq!(outcome(&file(0, 0, &[1, 2, 3]), 0), Outcome::Wrong);
+        assert_eq!(outcome(&file(5, 5, &[]), 5), CheckOutcome::Wrong);
+        assert_eq!(outcome(&file(0, 0, &[1, 2, 3]), 0), CheckOutcome::Wrong);
     }
 }

@@ -6,19 +6,19 @@ use crate::octree::statistics::AttributeStatistics;
 
 /// Statistics of all attributes of a schema.
 #[derive(Debug, Clone)]
-pub struct Tally {
+pub struct RecomputedStatistics {
     columns: Vec<AttributeStatistics>,
 }
 
-impl Tally {
-    pub fn new(schema: &Schema) -> Tally {
+impl RecomputedStatistics {
+    pub fn new(schema: &Schema) -> RecomputedStatistics {
         let column = |attribute: &Attribute| AttributeStatistics {
             min: vec![f64::INFINITY; attribute.elements],
             max: vec![f64::NEG_INFINITY; attribute.elements],
             histogram: (attribute.size() == 1).then(|| vec![0; 256]),
             not_finite: 0,
         };
-        Tally { columns: schema.attributes.iter().map(column).collect() }
+        RecomputedStatistics { columns: schema.attributes.iter().map(column).collect() }
     }
 
     /// Counts whole records of the schema.
@@ -33,7 +33,7 @@ impl Tally {
         }
     }
 
-    pub fn merge(&mut self, other: Tally) {
+    pub fn merge(&mut self, other: RecomputedStatistics) {
         for (mine, theirs) in self.columns.iter_mut().zip(other.columns) {
             mine.min.iter_mut().zip(theirs.min).for_each(|(a, b)| *a = a.min(b));
             mine.max.iter_mut().zip(theirs.max).for_each(|(a, b)| *a = a.max(b));
@@ -101,9 +101,9 @@ mod tests {
         let record = |a: i8, b: [f32; 2]| {
             [a.to_le_bytes().as_slice(), &b[0].to_le_bytes(), &b[1].to_le_bytes()].concat()
         };
-        let mut tally = Tally::new(&schema);
+        let mut tally = RecomputedStatistics::new(&schema);
         tally.add(&schema, &record(-1, [f32::NAN, 2.0]));
-        let mut other = Tally::new(&schema);
+        let mut other = RecomputedStatistics::new(&schema);
         other.add(&schema, &[record(5, [1.0, f32::NEG_INFINITY]), record(-1, [0.5, 3.0])].concat());
         tally.merge(other);
         let [a, b] = tally.columns() else { panic!("two columns") };

@@ -6,15 +6,15 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::request::Request;
-use crate::format::potree::{Encoding, Metadata};
+use super::request::VerifyRequest;
+use crate::format::potree::{Metadata, PotreeEncoding};
 use crate::words::{Plain, grouped};
 
 /// How many examples of a fault are kept.
 pub const EXAMPLES: usize = 5;
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct VerifyReport {
     pub octree: PathBuf,
     /// Whether nothing is wrong.
     pub ok: bool,
@@ -35,7 +35,7 @@ pub struct Report {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Outcome {
+pub enum CheckOutcome {
     Ok,
     /// Worth knowing, not a fault.
     Note,
@@ -47,7 +47,7 @@ pub enum Outcome {
 #[derive(Debug, Clone, Serialize)]
 pub struct Check {
     pub name: &'static str,
-    pub outcome: Outcome,
+    pub outcome: CheckOutcome,
     pub summary: String,
     /// How many things are wrong or worth a note.
     pub count: u64,
@@ -87,19 +87,19 @@ pub struct PositionError {
 
 impl Check {
     pub fn ok(name: &'static str, summary: impl Into<String>) -> Check {
-        Check { name, outcome: Outcome::Ok, summary: summary.into(), count: 0, examples: Vec::new() }
+        Check { name, outcome: CheckOutcome::Ok, summary: summary.into(), count: 0, examples: Vec::new() }
     }
 
     pub fn skipped(name: &'static str, summary: impl Into<String>) -> Check {
-        Check { outcome: Outcome::Skipped, ..Check::ok(name, summary) }
+        Check { outcome: CheckOutcome::Skipped, ..Check::ok(name, summary) }
     }
 
     pub fn note(name: &'static str, summary: impl Into<String>) -> Check {
-        Check { outcome: Outcome::Note, ..Check::ok(name, summary) }
+        Check { outcome: CheckOutcome::Note, ..Check::ok(name, summary) }
     }
 
     pub fn wrong(name: &'static str, summary: impl Into<String>) -> Check {
-        Check { outcome: Outcome::Wrong, count: 1, ..Check::ok(name, summary) }
+        Check { outcome: CheckOutcome::Wrong, count: 1, ..Check::ok(name, summary) }
     }
 
     /// Fine where nothing was found, else wrong.
@@ -109,13 +109,13 @@ impl Check {
         }
         let summary = format!("{} {wrong}", grouped(findings.count));
         let examples = findings.examples.into_iter().map(|(_, text)| text).collect();
-        Check { name, outcome: Outcome::Wrong, summary, count: findings.count, examples }
+        Check { name, outcome: CheckOutcome::Wrong, summary, count: findings.count, examples }
     }
 
     /// The same check where its rule does not bind.
     pub fn softened(mut self) -> Check {
-        if self.outcome == Outcome::Wrong {
-            self.outcome = Outcome::Note;
+        if self.outcome == CheckOutcome::Wrong {
+            self.outcome = CheckOutcome::Note;
         }
         self
     }
@@ -155,10 +155,10 @@ impl Findings {
     }
 }
 
-impl Report {
+impl VerifyReport {
     /// A report that has checked nothing yet.
-    pub fn empty(request: &Request, metadata: Option<&Metadata>) -> Report {
-        Report {
+    pub fn empty(request: &VerifyRequest, metadata: Option<&Metadata>) -> VerifyReport {
+        VerifyReport {
             octree: request.octree.clone(),
             ok: false,
             name: metadata.map_or(String::new(), |m| m.name.clone()),
@@ -181,11 +181,11 @@ impl Report {
     /// Takes stock: nothing wrong anywhere?
     pub fn judge(&mut self) {
         let compared = self.against.iter().flat_map(|against| &against.checks);
-        self.ok = self.checks.iter().chain(compared).all(|check| check.outcome != Outcome::Wrong);
+        self.ok = self.checks.iter().chain(compared).all(|check| check.outcome != CheckOutcome::Wrong);
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for VerifyReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -220,10 +220,10 @@ impl fmt::Display for Report {
 fn write_checks(f: &mut fmt::Formatter<'_>, checks: &[Check]) -> fmt::Result {
     for check in checks {
         let outcome = match check.outcome {
-            Outcome::Ok => "ok",
-            Outcome::Note => "note",
-            Outcome::Skipped => "-",
-            Outcome::Wrong => "WRONG",
+            CheckOutcome::Ok => "ok",
+            CheckOutcome::Note => "note",
+            CheckOutcome::Skipped => "-",
+            CheckOutcome::Wrong => "WRONG",
         };
         writeln!(f, "  {outcome:<6} {:<11} {}", check.name, Plain(&check.summary))?;
         for example in &check.examples {
@@ -237,10 +237,10 @@ fn write_checks(f: &mut fmt::Formatter<'_>, checks: &[Check]) -> fmt::Result {
 }
 
 /// Bytes a point, as told in the report.
-fn encoding_in_words(encoding: Encoding) -> &'static str {
+fn encoding_in_words(encoding: PotreeEncoding) -> &'static str {
     match encoding {
-        Encoding::Default => "DEFAULT",
-        Encoding::Brotli => "BROTLI",
+        PotreeEncoding::Default => "DEFAULT",
+        PotreeEncoding::Brotli => "BROTLI",
     }
 }
 

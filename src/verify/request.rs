@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// What is to be verified.
 #[derive(Debug, Clone)]
-pub struct Request {
+pub struct VerifyRequest {
     /// The octree's folder, or a COPC file.
     pub octree: PathBuf,
     /// The files that it was made of, folders of them, or lists (`@list`); none:
@@ -14,12 +14,12 @@ pub struct Request {
     pub damaged: bool,
     /// Bytes of memory that the comparison may take.
     pub memory_limit: u64,
-    pub spacing: Spacing,
+    pub spacing: SpacingRule,
 }
 
 /// Whether the rule of sampling is a must.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum Spacing {
+pub enum SpacingRule {
     /// A must for octrees that Lodestone made.
     #[default]
     Auto,

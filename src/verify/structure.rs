@@ -2,9 +2,9 @@
 //! counts.
 
 use super::color_attributes;
-use super::octree::{Octree, depth, points};
+use super::octree::{OctreeUnderTest, depth, points};
 use super::report::{Check, Findings, plural};
-use crate::format::potree::hierarchy::Oddity;
+use crate::format::potree::hierarchy::HierarchyWarning;
 use crate::format::potree::{Metadata, Node};
 use crate::words::{self, grouped};
 
@@ -49,11 +49,12 @@ pub fn metadata(metadata: &Metadata) -> Check {
 
 /// Oddities of hierarchy.bin, and what metadata.json says of the tree. A
 /// hierarchy that is no tree could not be opened at all.
-pub fn hierarchy(octree: &Octree) -> Check {
+pub fn hierarchy(octree: &OctreeUnderTest) -> Check {
     let mut wrong = Findings::default();
     for oddity in &octree.oddities {
         // The reference converter writes no mask for proxies.
-        let tolerated = matches!(oddity, Oddity::ProxyMask { proxy: 0, .. }) && !is_ours(&octree.metadata);
+        let tolerated =
+            matches!(oddity, HierarchyWarning::ProxyMask { proxy: 0, .. }) && !is_ours(&octree.metadata);
         if !tolerated {
             wrong.add(0, || in_words(oddity));
         }
@@ -78,23 +79,25 @@ pub fn hierarchy(octree: &Octree) -> Check {
     Check::of("hierarchy", wrong, fine, "faults of the hierarchy")
 }
 
-fn in_words(oddity: &Oddity) -> String {
+fn in_words(oddity: &HierarchyWarning) -> String {
     match oddity {
-        Oddity::WrongType { node } => format!("{node}: its type and its child mask disagree"),
-        Oddity::ProxyMask { node, proxy, chunk } => {
+        HierarchyWarning::WrongType { node } => format!("{node}: its type and its child mask disagree"),
+        HierarchyWarning::ProxyMask { node, proxy, chunk } => {
             format!("{node}: its proxy has child mask {proxy:08b}, its chunk {chunk:08b}")
         }
-        Oddity::ProxyPoints { node, proxy, chunk } => {
+        HierarchyWarning::ProxyPoints { node, proxy, chunk } => {
             format!("{node}: its proxy has {proxy} points, its chunk {chunk}")
         }
-        Oddity::Unused { bytes } => format!("{bytes} bytes of hierarchy.bin belong to no chunk"),
-        Oddity::ProxyLevel { node } => format!("{node}: a proxy, but not four levels below its chunk's root"),
+        HierarchyWarning::Unused { bytes } => format!("{bytes} bytes of hierarchy.bin belong to no chunk"),
+        HierarchyWarning::ProxyLevel { node } => {
+            format!("{node}: a proxy, but not four levels below its chunk's root")
+        }
     }
 }
 
 /// Every byte of octree.bin belongs to exactly one node, and every node's bytes
 /// are in it and as many as its points take.
-pub fn bytes(octree: &Octree) -> Check {
+pub fn bytes(octree: &OctreeUnderTest) -> Check {
     let mut wrong = Findings::default();
     let mut ranges: Vec<(u64, u64, usize)> = Vec::new();
     for (index, node) in octree.nodes.iter().enumerate() {
@@ -126,7 +129,7 @@ pub fn bytes(octree: &Octree) -> Check {
 }
 
 /// The nodes' points add up to what metadata.json says.
-pub fn counts(octree: &Octree) -> Check {
+pub fn counts(octree: &OctreeUnderTest) -> Check {
     let sum = points(&octree.nodes);
     let said = octree.metadata.points;
     match sum == said {

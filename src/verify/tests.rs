@@ -11,7 +11,7 @@ use super::tests_support::{Draft, draft, schema};
 use super::*;
 use crate::format::las::{LasOptions, LasWriter};
 use crate::format::potree::hierarchy::RECORD;
-use crate::format::potree::{Encoding, HIERARCHY, METADATA, OCTREE};
+use crate::format::potree::{HIERARCHY, METADATA, OCTREE, PotreeEncoding};
 use crate::octree::attribute::{ExtraField, Scalar};
 
 /// Exponent of the lattice that the test clouds lie on.
@@ -85,7 +85,7 @@ struct Bench {
 impl Bench {
     /// An octree that `change` may have spoiled before it was written, and the
     /// file that it was made of.
-    fn with(encoding: Encoding, change: impl FnOnce(&mut Draft)) -> Bench {
+    fn with(encoding: PotreeEncoding, change: impl FnOnce(&mut Draft)) -> Bench {
         let folder = tempfile::tempdir().unwrap();
         write_las(&folder.path().join("in.las"), &CLOUD);
         let mut draft = DRAFT.clone();
@@ -96,7 +96,7 @@ impl Bench {
     }
 
     fn right() -> Bench {
-        Bench::with(Encoding::Default, |_| {})
+        Bench::with(PotreeEncoding::Default, |_| {})
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -110,35 +110,35 @@ impl Bench {
         fs::write(self.file(name), bytes).unwrap();
     }
 
-    fn verify_with(&self, memory_limit: u64) -> Report {
-        let request = Request {
+    fn verify_with(&self, memory_limit: u64) -> VerifyReport {
+        let request = VerifyRequest {
             octree: self.folder.path().join("octree"),
             against: vec![self.folder.path().join("in.las")],
             damaged: false,
             memory_limit,
-            spacing: Spacing::Auto,
+            spacing: SpacingRule::Auto,
         };
         verify(&request).unwrap()
     }
 
-    fn verify(&self) -> Report {
+    fn verify(&self) -> VerifyReport {
         self.verify_with(1 << 30)
     }
 }
 
-fn is_wrong(report: &Report, name: &str) -> bool {
+fn is_wrong(report: &VerifyReport, name: &str) -> bool {
     let compared = report.against.iter().flat_map(|against| &against.checks);
     let check = report
         .checks
         .iter()
         .chain(compared)
-        .find(|check| check.name == name && check.outcome == Outcome::Wrong);
+        .find(|check| check.name == name && check.outcome == CheckOutcome::Wrong);
     assert!(!report.ok || check.is_none());
     check.is_some()
 }
 
 /// Missing and extra points, and the first example.
-fn difference(report: &Report) -> (u64, u64, String) {
+fn difference(report: &VerifyReport) -> (u64, u64, String) {
     let against = report.against.as_ref().unwrap();
     let example = against.checks[0].examples.first().cloned().unwrap_or_default();
     (against.missing, against.extra, example)
@@ -146,17 +146,17 @@ fn difference(report: &Report) -> (u64, u64, String) {
 
 #[test]
 fn a_right_octree_is_right() {
-    for encoding in [Encoding::Default, Encoding::Brotli] {
+    for encoding in [PotreeEncoding::Default, PotreeEncoding::Brotli] {
         let report = Bench::with(encoding, |_| {}).verify();
         assert!(report.ok, "{report}");
         assert_eq!((report.points, difference(&report)), (3000, (0, 0, String::new())));
-        assert!(report.checks.iter().all(|check| check.outcome == Outcome::Ok), "{report}");
+        assert!(report.checks.iter().all(|check| check.outcome == CheckOutcome::Ok), "{report}");
     }
 }
 
 #[test]
 fn a_lost_point_is_missing() {
-    let report = Bench::with(Encoding::Default, |draft| {
+    let report = Bench::with(PotreeEncoding::Default, |draft| {
         let (node, records) = draft.nodes.last_mut().unwrap();
         node.points -= 1;
         records.truncate(records.len() - draft.schema.record_size());
@@ -169,7 +169,7 @@ fn a_lost_point_is_missing() {
 
 #[test]
 fn a_doubled_point_is_extra() {
-    let report = Bench::with(Encoding::Brotli, |draft| {
+    let report = Bench::with(PotreeEncoding::Brotli, |draft| {
         let (node, records) = draft.nodes.last_mut().unwrap();
         node.points += 1;
         records.extend_from_within(..draft.schema.record_size());
@@ -184,7 +184,7 @@ fn a_doubled_point_is_extra() {
 /// nothing, and neither would a set.
 #[test]
 fn a_point_replaced_by_another_is_found() {
-    let report = Bench::with(Encoding::Default, |draft| {
+    let report = Bench::with(PotreeEncoding::Default, |draft| {
         let size = draft.schema.record_size();
         draft.nodes.last_mut().unwrap().1.copy_within(..size, size);
     })
@@ -258,7 +258,7 @@ fn overlaps_and_holes_of_ranges_are_found() {
 
 #[test]
 fn points_outside_their_box_are_found() {
-    let report = Bench::with(Encoding::Default, |draft| {
+    let report = Bench::with(PotreeEncoding::Default, |draft| {
         let leaves: Vec<usize> = (1..draft.nodes.len()).collect();
         let (a, b) = (leaves[0], leaves[leaves.len() - 1]);
         let points = draft.nodes[a].0.points;
@@ -281,16 +281,16 @@ fn points_too_close_in_an_inner_node_are_found() {
         draft.nodes[0].1.extend(close);
         draft.nodes[0].0.points += 1;
     };
-    let ours = Bench::with(Encoding::Default, spoil).verify();
+    let ours = Bench::with(PotreeEncoding::Default, spoil).verify();
     assert!(is_wrong(&ours, "spacing"), "{ours}");
     // Another's octree is not held to our rule.
-    let bench = Bench::with(Encoding::Default, |draft| {
+    let bench = Bench::with(PotreeEncoding::Default, |draft| {
         spoil(draft);
         draft.metadata.generator = None;
     });
     let foreign = bench.verify();
     let check = foreign.checks.iter().find(|check| check.name == "spacing").unwrap();
-    assert_eq!((check.outcome, check.count), (Outcome::Note, 1));
+    assert_eq!((check.outcome, check.count), (CheckOutcome::Note, 1));
 }
 
 #[test]
@@ -307,9 +307,10 @@ fn crowded_cells_of_a_grid_sample_are_found() {
     };
     // Two points a spacing apart can share a cell, so the Poisson sample of the
     // bench breaks this rule too: one point more is one breach more.
-    let breaches = |report: Report| report.checks.iter().find(|check| check.name == "spacing").unwrap().count;
-    let before = breaches(Bench::with(Encoding::Default, random).verify());
-    let report = Bench::with(Encoding::Default, crowded).verify();
+    let breaches =
+        |report: VerifyReport| report.checks.iter().find(|check| check.name == "spacing").unwrap().count;
+    let before = breaches(Bench::with(PotreeEncoding::Default, random).verify());
+    let report = Bench::with(PotreeEncoding::Default, crowded).verify();
     assert!(is_wrong(&report, "spacing"));
     assert_eq!(breaches(report), before + 1);
 }
@@ -339,7 +340,7 @@ fn wrong_numbers_in_the_metadata_are_found() {
 #[test]
 fn lost_attributes_are_found() {
     let without = |left_out: &[&str]| {
-        let bench = Bench::with(Encoding::Default, |draft| {
+        let bench = Bench::with(PotreeEncoding::Default, |draft| {
             let size = draft.schema.record_size();
             draft.schema.attributes.pop();
             for (_, records) in &mut draft.nodes {
@@ -369,7 +370,7 @@ proptest! {
         at in any::<prop::sample::Index>(),
         xor in 1u8..=255,
     ) {
-        let bench = Bench::with(if brotli { Encoding::Brotli } else { Encoding::Default }, |_| {});
+        let bench = Bench::with(if brotli { PotreeEncoding::Brotli } else { PotreeEncoding::Default }, |_| {});
         let name = [METADATA, HIERARCHY, OCTREE][which];
         bench.damage(name, |bytes| {
             let at = at.index(bytes.len());

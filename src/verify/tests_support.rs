@@ -6,11 +6,11 @@ use std::path::Path;
 
 use crate::format::potree::metadata::{BoundingBox, HierarchyEntry};
 use crate::format::potree::{
-    Encoding, Generator, HIERARCHY, METADATA, Metadata, MetadataAttribute, Node, NodeName, OCTREE,
+    Generator, HIERARCHY, METADATA, Metadata, MetadataAttribute, Node, NodeName, OCTREE, PotreeEncoding,
     attribute_entry, encode_brotli, write_hierarchy,
 };
 use crate::octree::attribute::{Attribute, Scalar, Schema};
-use crate::verify::recomputed_statistics::Tally;
+use crate::verify::recomputed_statistics::RecomputedStatistics;
 
 /// Metadata of a lattice with a unit of 1 and a cube of 2^`exponent` units.
 pub fn metadata(exponent: i32) -> Metadata {
@@ -28,7 +28,7 @@ pub fn metadata(exponent: i32) -> Metadata {
         scale: [1.0; 3],
         spacing: side / 128.0,
         bounding_box: BoundingBox { min: [0.0; 3], max: [side; 3] },
-        encoding: Encoding::Default,
+        encoding: PotreeEncoding::Default,
         generator: Some(Generator {
             name: "lodestone".into(),
             version: "0".into(),
@@ -126,15 +126,15 @@ fn split(
 
 impl Draft {
     /// Gives nodes their bytes and metadata its statistics, and writes all.
-    pub fn write(mut self, folder: &Path, encoding: Encoding) {
+    pub fn write(mut self, folder: &Path, encoding: PotreeEncoding) {
         let mut bytes = Vec::new();
-        let mut tally = Tally::new(&self.schema);
+        let mut tally = RecomputedStatistics::new(&self.schema);
         for (node, records) in &mut self.nodes {
             tally.add(&self.schema, records);
             node.offset = bytes.len() as u64;
             match encoding {
-                Encoding::Default => bytes.extend_from_slice(records),
-                Encoding::Brotli => encode_brotli(&self.schema, records, 6, &mut bytes).unwrap(),
+                PotreeEncoding::Default => bytes.extend_from_slice(records),
+                PotreeEncoding::Brotli => encode_brotli(&self.schema, records, 6, &mut bytes).unwrap(),
             }
             node.size = bytes.len() as u64 - node.offset;
         }

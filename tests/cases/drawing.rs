@@ -9,18 +9,18 @@ use lodestone::convert::options::{Encoding, Options};
 use lodestone::convert::preview::{self, preview};
 use lodestone::format::potree::{self, Metadata};
 use lodestone::lab::flip;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Recipe, SceneKind};
 use lodestone::render::RenderError;
 use lodestone::render::color::ColorBy;
 use lodestone::render::frame::{Background, Picture};
 use lodestone::render::framing::View;
-use lodestone::render::octree_renderer::{Quality, Studio};
+use lodestone::render::octree_renderer::{OctreeRenderer, Quality};
 use lodestone::render::renderer::Choice;
 
 const SIZE: [u32; 2] = [128, 128];
 
-fn open(octree: &Path) -> Studio {
-    Studio::open(octree, ColorBy::Auto, Choice::Cpu).unwrap()
+fn open(octree: &Path) -> OctreeRenderer {
+    OctreeRenderer::open(octree, ColorBy::Auto, Choice::Cpu).unwrap()
 }
 
 fn shown(octree: &Path, quality: &Quality) -> Picture {
@@ -36,7 +36,7 @@ fn clear() -> Quality {
 }
 
 /// An octree of a scene.
-fn scene(kind: Kind, points: u64, folder: &Path, options: &Options) -> PathBuf {
+fn scene(kind: SceneKind, points: u64, folder: &Path, options: &Options) -> PathBuf {
     let cloud = write_scene(Recipe::new(kind, points, 3), folder);
     let output = folder.join("octree");
     crate::common::convert(&[cloud], &output, options).unwrap();
@@ -112,7 +112,7 @@ fn black_and_missing_colours_give_way_to_what_is_there() {
     crate::common::convert(&[file], &folder.path().join("octree"), &Options::default()).unwrap();
     // Its intensity is noise, and shows nothing.
     assert_eq!(open(&folder.path().join("octree")).shows(), "height");
-    let asked = Studio::open(&folder.path().join("octree"), ColorBy::Rgb, Choice::Cpu);
+    let asked = OctreeRenderer::open(&folder.path().join("octree"), ColorBy::Rgb, Choice::Cpu);
     assert!(matches!(asked, Err(RenderError::NoAttribute { attribute: "rgb", .. })));
 }
 
@@ -134,7 +134,7 @@ fn colours_are_as_bright_as_they_are_meant() {
 #[test]
 fn a_picture_does_not_show_how_it_was_made() {
     let folder = tempfile::tempdir().unwrap();
-    let octree = scene(Kind::Town, 150_000, folder.path(), &Options::default());
+    let octree = scene(SceneKind::Town, 150_000, folder.path(), &Options::default());
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| shown(&octree, &Quality::default()))
@@ -151,7 +151,7 @@ fn a_picture_does_not_show_how_it_was_made() {
 fn a_picture_costs_what_its_pixels_cost() {
     let effort = |points: u64, quality: &Quality| {
         let folder = tempfile::tempdir().unwrap();
-        let octree = scene(Kind::Terrain, points, folder.path(), &Options::default());
+        let octree = scene(SceneKind::Terrain, points, folder.path(), &Options::default());
         open(&octree).still([64, 64], View::Overview, quality).unwrap().1
     };
     let (small, large) = (effort(200_000, &Quality::default()), effort(800_000, &Quality::default()));
@@ -166,7 +166,7 @@ fn a_picture_costs_what_its_pixels_cost() {
 /// The default is close to the picture of all points.
 #[test]
 fn few_points_show_nearly_what_all_of_them_do() {
-    for kind in [Kind::Terrain, Kind::Interior, Kind::Object] {
+    for kind in [SceneKind::Terrain, SceneKind::Interior, SceneKind::Object] {
         let folder = tempfile::tempdir().unwrap();
         let octree = scene(kind, 1_000_000, folder.path(), &Options::default());
         let full = shown(&octree, &Quality::full());
@@ -182,7 +182,7 @@ fn few_points_show_nearly_what_all_of_them_do() {
 #[test]
 fn other_octrees_show_the_same() {
     let folder = tempfile::tempdir().unwrap();
-    let ours = scene(Kind::Terrain, 200_000, folder.path(), &Options::default());
+    let ours = scene(SceneKind::Terrain, 200_000, folder.path(), &Options::default());
     let picture = shown(&ours, &Quality::default());
     let mut metadata = Metadata::read(&ours).unwrap();
     metadata.generator = None;
@@ -191,7 +191,7 @@ fn other_octrees_show_the_same() {
     assert!(flip::mean(128, &picture.pixels, &theirs.pixels) < 0.06);
     let folder = tempfile::tempdir().unwrap();
     let options = Options { encoding: Encoding::Brotli, ..Options::default() };
-    let compressed = scene(Kind::Terrain, 200_000, folder.path(), &options);
+    let compressed = scene(SceneKind::Terrain, 200_000, folder.path(), &options);
     let compressed = shown(&compressed, &Quality::default());
     assert!(flip::mean(128, &picture.pixels, &compressed.pixels) < 0.06);
 }
@@ -201,7 +201,7 @@ fn other_octrees_show_the_same() {
 #[test]
 fn damaged_octrees_are_errors() {
     let folder = tempfile::tempdir().unwrap();
-    let octree = scene(Kind::Terrain, 30_000, folder.path(), &Options::default());
+    let octree = scene(SceneKind::Terrain, 30_000, folder.path(), &Options::default());
     let hierarchy = octree.join(potree::HIERARCHY);
     let bytes = std::fs::read(&hierarchy).unwrap();
     let mut refused = 0;
@@ -209,29 +209,29 @@ fn damaged_octrees_are_errors() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 1 << (mix(at as u64) % 8);
         std::fs::write(&hierarchy, damaged).unwrap();
-        let drawn = Studio::open(&octree, ColorBy::Auto, Choice::Cpu)
+        let drawn = OctreeRenderer::open(&octree, ColorBy::Auto, Choice::Cpu)
             .and_then(|mut studio| studio.still([32, 32], View::Overview, &Quality::full()));
         refused += usize::from(drawn.is_err());
     }
     assert!(refused > 50, "only {refused} were noticed");
     std::fs::write(&hierarchy, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(Studio::open(&octree, ColorBy::Auto, Choice::Cpu).is_err());
+    assert!(OctreeRenderer::open(&octree, ColorBy::Auto, Choice::Cpu).is_err());
     std::fs::write(&hierarchy, &bytes).unwrap();
     patch(&octree.join(potree::METADATA), &[(0, b"[")]);
-    let error = Studio::open(&octree, ColorBy::Auto, Choice::Cpu).err().unwrap().to_string();
+    let error = OctreeRenderer::open(&octree, ColorBy::Auto, Choice::Cpu).err().unwrap().to_string();
     assert!(error.contains("metadata"), "{error}");
 }
 
 #[test]
 fn the_folder_tells_what_it_holds() {
     let folder = tempfile::tempdir().unwrap();
-    let octree = scene(Kind::Object, 60_000, folder.path(), &Options::default());
+    let octree = scene(SceneKind::Object, 60_000, folder.path(), &Options::default());
     let into = folder.path().join("pictures");
     let turntable = Some(preview::Turntable { size: [64, 64], frames: 6, mp4: false });
-    let options = preview::Options { turntable, ..preview::Options::default() };
+    let options = preview::PreviewOptions { turntable, ..preview::PreviewOptions::default() };
     let context = crate::common::context(folder.path(), 2, 1 << 30);
     let made = preview(&octree, &into, &options, &context).unwrap();
-    let told: preview::Preview =
+    let told: preview::PreviewManifest =
         serde_json::from_slice(&std::fs::read(into.join(preview::INDEX)).unwrap()).unwrap();
     assert_eq!(told, made);
     let names: Vec<&str> = told.assets.iter().map(|asset| asset.href.as_str()).collect();

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use crate::common::judge::write_scene;
 use lodestone::convert::options::Options;
 use lodestone::lab::flip;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Recipe, SceneKind};
 use lodestone::render::color::ColorBy;
 use lodestone::render::frame::Background;
 use lodestone::render::framing::View;
-use lodestone::render::octree_renderer::{Quality, Studio};
+use lodestone::render::octree_renderer::{OctreeRenderer, Quality};
 use lodestone::render::renderer::{Choice, Renderer};
 
 const VIEWS: [View; 5] = [View::Overview, View::Top, View::Grazing, View::Close, View::Inside];
@@ -34,7 +34,7 @@ fn adapter() -> bool {
     }
 }
 
-fn octree(kind: Kind, points: u64, folder: &Path) -> PathBuf {
+fn octree(kind: SceneKind, points: u64, folder: &Path) -> PathBuf {
     let cloud = write_scene(Recipe::new(kind, points, 7), folder);
     let output = folder.join("octree");
     crate::common::convert(&[cloud], &output, &Options::default()).unwrap();
@@ -46,10 +46,10 @@ fn shaders_and_kernels_draw_the_same() {
     if !adapter() {
         return;
     }
-    for kind in Kind::ALL {
+    for kind in SceneKind::ALL {
         let folder = tempfile::tempdir().unwrap();
         let octree = octree(kind, 120_000, folder.path());
-        let open = |choice| Studio::open(&octree, ColorBy::Auto, choice).unwrap();
+        let open = |choice| OctreeRenderer::open(&octree, ColorBy::Auto, choice).unwrap();
         let (mut cpu, mut gpu) = (open(Choice::Cpu), open(Choice::Gpu));
         for view in VIEWS {
             for background in [Background::CALM, Background::Transparent] {
@@ -75,10 +75,10 @@ fn sums_are_carried_alike() {
     }
     let folder = tempfile::tempdir().unwrap();
     // All in one pixel of a small picture, all drawn.
-    let octree = octree(Kind::Object, 600_000, folder.path());
+    let octree = octree(SceneKind::Object, 600_000, folder.path());
     let quality = Quality::full();
     let draw = |choice| {
-        Studio::open(&octree, ColorBy::Auto, choice)
+        OctreeRenderer::open(&octree, ColorBy::Auto, choice)
             .unwrap()
             .still([16, 16], View::Overview, &quality)
             .unwrap()
@@ -96,9 +96,9 @@ fn a_turntable_is_the_same_by_both() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let octree = octree(Kind::Town, 60_000, folder.path());
+    let octree = octree(SceneKind::Town, 60_000, folder.path());
     let frames = |choice| {
-        let mut studio = Studio::open(&octree, ColorBy::Auto, choice).unwrap();
+        let mut studio = OctreeRenderer::open(&octree, ColorBy::Auto, choice).unwrap();
         let mut frames = Vec::new();
         studio
             .turntable([128, 128], 5, &Quality::turntable(), |picture| {

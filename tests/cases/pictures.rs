@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use lodestone::convert::options::{Mode, Options};
+use lodestone::convert::options::{GuardMode, Options};
 use lodestone::format::las::{LasOptions, Vlr};
 use lodestone::render::color::ColorBy;
 use lodestone::render::frame::{Background, Picture};
 use lodestone::render::framing::View;
-use lodestone::render::octree_renderer::{Quality, Studio};
+use lodestone::render::octree_renderer::{OctreeRenderer, Quality};
 use lodestone::render::renderer::Choice;
 
 use crate::cases;
@@ -42,14 +42,14 @@ fn octree(folder: &Path, points: &[Point]) -> PathBuf {
     let file = folder.join("a.las");
     write_las(&file, &options_of(2, false), &records);
     let octree = folder.join("octree");
-    let options = Options { outliers: Mode::Keep, ..Options::default() };
+    let options = Options { outliers: GuardMode::Keep, ..Options::default() };
     common::convert(&[file], &octree, &options).expect("converted");
     octree
 }
 
 /// What an octree is colored by, and its picture without a background.
 fn drawn(octree: &Path) -> (&'static str, Picture) {
-    let mut studio = Studio::open(octree, ColorBy::Auto, Choice::Cpu).expect("opened");
+    let mut studio = OctreeRenderer::open(octree, ColorBy::Auto, Choice::Cpu).expect("opened");
     let quality = Quality { background: Background::Transparent, ..Quality::default() };
     let (picture, _) = studio.still(SIZE, View::Overview, &quality).expect("drawn");
     (studio.shows(), picture)
@@ -277,7 +277,7 @@ fn in_degrees(folder: &Path, points: u64, [longitude, latitude]: [f64; 2]) -> Pa
     };
     write_las(&file, &options, &records);
     let octree = folder.join("octree");
-    let options = Options { outliers: Mode::Keep, ..Options::default() };
+    let options = Options { outliers: GuardMode::Keep, ..Options::default() };
     common::convert(&[file], &octree, &options).expect("converted");
     octree
 }
@@ -288,7 +288,7 @@ fn degrees_are_drawn_in_meters() {
     for (points, place) in [(3_000, [-94.67, 31.04]), (60_000, [11.5, 0.2]), (30_000, [25.7, 75.0])] {
         let folder = tempfile::tempdir().expect("a folder");
         let octree = in_degrees(folder.path(), points, place);
-        let mut studio = Studio::open(&octree, ColorBy::Auto, Choice::Cpu).expect("opened");
+        let mut studio = OctreeRenderer::open(&octree, ColorBy::Auto, Choice::Cpu).expect("opened");
         let quality = Quality { background: Background::Transparent, ..Quality::default() };
         let (picture, _) = studio.still([200, 200], View::Top, &quality).expect("drawn");
         let covered = |x: usize, y: usize| picture.pixels[y * 200 + x][3] > 0;

@@ -5,11 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use lodestone::convert::options::{Options, Sampling};
-use lodestone::convert::run::{self, Outcome};
+use lodestone::convert::run::{self, ConversionOutcome};
 use lodestone::format::las::{LasOptions, LasWriter};
 use lodestone::format::potree::{self, Metadata};
-use lodestone::lab::synth::{Recipe, Scene};
-use lodestone::verify::{self, Report};
+use lodestone::lab::synth::{Recipe, SyntheticScene};
+use lodestone::verify::{self, VerifyReport};
 
 use super::{context, mix, octree_bytes, options_of, request};
 
@@ -20,8 +20,8 @@ pub const OUT_OF_CORE: u64 = 45 << 20;
 
 /// A conversion that was found to be right.
 pub struct Held {
-    pub outcome: Outcome,
-    pub report: Report,
+    pub outcome: ConversionOutcome,
+    pub report: VerifyReport,
     pub metadata: Metadata,
     pub nodes: Vec<potree::Node>,
 }
@@ -32,11 +32,11 @@ pub fn held_with(input: &Path, output: &Path, options: &Options, memory: u64) ->
     let inputs = [input.to_path_buf()];
     let means = context(output.parent().unwrap(), 2, memory);
     let outcome = run::convert(&request(&inputs, output, options), &means).unwrap();
-    let report = verify::verify(&verify::Request {
+    let report = verify::verify(&verify::VerifyRequest {
         octree: output.to_path_buf(),
         against: inputs.to_vec(),
         memory_limit: 1 << 30,
-        spacing: verify::Spacing::Auto,
+        spacing: verify::SpacingRule::Auto,
         damaged: Default::default(),
     })
     .unwrap();
@@ -98,7 +98,7 @@ pub fn field(points: usize, corner: [i32; 3], side: i32) -> Vec<[i32; 3]> {
 
 /// A scene in a folder: a file, or of several tiles a folder of them.
 pub fn write_scene(recipe: Recipe, folder: &Path) -> PathBuf {
-    let scene = Scene::new(recipe).unwrap();
+    let scene = SyntheticScene::new(recipe).unwrap();
     let place = folder.join(format!("{:?}", recipe.kind).to_lowercase());
     fs::create_dir_all(&place).unwrap();
     for tile in scene.tiles() {

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use lodestone::convert::context::{Cancel, Context, Progress};
 use lodestone::convert::options::Options;
-use lodestone::convert::run::{self, ConductError, Outcome, Request};
+use lodestone::convert::run::{self, ConductError, ConversionOutcome, ConversionRequest};
 use lodestone::format::las::{LasOptions, LasWriter, record_length};
 use lodestone::format::potree::{self, Metadata};
 use lodestone::platform::disk::Disk;
@@ -122,8 +122,8 @@ pub fn context(folder: &Path, threads: usize, memory_limit: u64) -> Context {
     }
 }
 
-pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> Request {
-    Request {
+pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> ConversionRequest {
+    ConversionRequest {
         inputs: inputs.to_vec(),
         output: output.to_path_buf(),
         overwrite: false,
@@ -134,7 +134,11 @@ pub fn request(inputs: &[PathBuf], output: &Path, options: &Options) -> Request 
 }
 
 /// Converts with plenty of memory on two threads.
-pub fn convert(inputs: &[PathBuf], output: &Path, options: &Options) -> Result<Outcome, ConductError> {
+pub fn convert(
+    inputs: &[PathBuf],
+    output: &Path,
+    options: &Options,
+) -> Result<ConversionOutcome, ConductError> {
     run::convert(&request(inputs, output, options), &context(output.parent().unwrap(), 2, 1 << 30))
 }
 

@@ -12,7 +12,7 @@ use clap::Parser;
 use lodestone::convert::context::{Context, Stage};
 use lodestone::serve::config::{Config, Layer};
 use lodestone::serve::log::JobLines;
-use lodestone::serve::scheduler::converter::{Conduct, Converter, Failure, Report, Work};
+use lodestone::serve::scheduler::converter::{Conduct, ConversionResult, Converter, Failure, Work};
 use tracing_subscriber::prelude::*;
 
 use super::{Daemon, arguments};
@@ -78,7 +78,7 @@ struct Holding {
 }
 
 impl Converter for Holding {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
         let name = work.inputs.first().and_then(|input| input.file_stem()).unwrap_or_default();
         let hold = self.holds.join(name);
         let mut done = 0;

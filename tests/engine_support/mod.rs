@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 use lodestone::platform::clock::Clock;
 use lodestone::platform::disk::Disk;
 use lodestone::serve::config::{Config, Layer};
-use lodestone::serve::job::{Input, Job, State};
+use lodestone::serve::job::{Job, QueuedFile, State};
 use lodestone::serve::metrics::Metrics;
-use lodestone::serve::queue::progress::Board;
-use lodestone::serve::queue::{Admission, Arrival, Kind, Store};
+use lodestone::serve::queue::progress::ProgressRegistry;
+use lodestone::serve::queue::{DataSetKind, EnqueueResult, NewDataSet, Store};
 use lodestone::serve::scheduler::converter::Converter;
-use lodestone::serve::scheduler::{Engine, Tools};
+use lodestone::serve::scheduler::{Engine, EngineContext};
 
 /// However busy the machine is, what has not come by then does not come.
 pub const PATIENCE: Duration = Duration::from_secs(150);
@@ -47,11 +47,11 @@ pub async fn tools(
     now: &Arc<AtomicI64>,
     disk: Disk,
     converter: Arc<dyn Converter>,
-) -> Tools {
-    Tools {
+) -> EngineContext {
+    EngineContext {
         store: Store::open(&config.database()).await.expect("the queue opens"),
         config,
-        board: Board::default(),
+        board: ProgressRegistry::default(),
         metrics: Metrics::new().expect("metrics"),
         clock: Clock::Manual(now.clone()),
         disk,
@@ -62,16 +62,16 @@ pub async fn tools(
 
 /// A file as the watcher hands it over. Its name is the octree's, and what it
 /// holds its fingerprint.
-pub fn arrival(path: &Path, content: &str, points: u64) -> Arrival {
+pub fn arrival(path: &Path, content: &str, points: u64) -> NewDataSet {
     let meta = std::fs::metadata(path).expect("there");
     let mtime_ns = meta.mtime() * 1_000_000_000 + meta.mtime_nsec();
-    Arrival {
+    NewDataSet {
         path: path.to_path_buf(),
-        kind: Kind::File,
+        kind: DataSetKind::File,
         name: path.file_stem().expect("a name").to_str().expect("UTF-8").into(),
         stamp: format!("{mtime_ns}"),
         content_key: format!("key of {content}"),
-        inputs: vec![Input {
+        inputs: vec![QueuedFile {
             path: path.to_path_buf(),
             size: meta.len(),
             mtime_ns,
@@ -99,7 +99,7 @@ pub async fn wait(what: &str, mut is: impl FnMut() -> bool) {
 
 pub struct House<C> {
     pub folder: tempfile::TempDir,
-    pub tools: Tools,
+    pub tools: EngineContext,
     pub engine: Engine,
     pub converter: Arc<C>,
     pub now: Arc<AtomicI64>,
@@ -133,11 +133,16 @@ impl<C: Converter + Default> House<C> {
         self.folder.path().join("inbox").join(format!("{name}.las"))
     }
 
-    pub async fn drop_file(&self, name: &str, content: &str) -> Admission {
+    pub async fn drop_file(&self, name: &str, content: &str) -> EnqueueResult {
         self.arrive(name, content, |_| {}).await
     }
 
-    pub async fn arrive(&self, name: &str, content: &str, change: impl FnOnce(&mut Arrival)) -> Admission {
+    pub async fn arrive(
+        &self,
+        name: &str,
+        content: &str,
+        change: impl FnOnce(&mut NewDataSet),
+    ) -> EnqueueResult {
         let path = self.source(name);
         std::fs::write(&path, content).expect("dropped");
         let mut arrival = arrival(&path, content, 10);

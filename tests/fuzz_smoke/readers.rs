@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use lodestone::convert::checkpoint::journal::{self, Journal};
-use lodestone::convert::checkpoint::receipt::{Past, units_in};
+use lodestone::convert::checkpoint::receipt::{ResumeState, units_in};
 use lodestone::format::las::{Checked, LasFile};
 use lodestone::format::potree::{self, Metadata};
 use lodestone::platform::disk::Disk;
@@ -192,7 +192,7 @@ fn read_journal(bytes: &[u8]) {
     with_file("journal", bytes, |path| {
         let receipts = journal::read(path).expect("a file that is there");
         let units = units_in(&receipts);
-        let past = Past::of(receipts, true);
+        let past = ResumeState::of(receipts, true);
         assert_eq!(past.units, units);
         let _ = (past.ends(), past.has_records(0));
         if let Ok((mut journal, _)) = Journal::open(&Disk::new(), path, [0; 32]) {

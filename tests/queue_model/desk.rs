@@ -10,9 +10,9 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use lodestone::convert::context::{Cancel, Context, Stage};
-use lodestone::convert::preview::{Options, Preview};
+use lodestone::convert::preview::{PreviewManifest, PreviewOptions};
 use lodestone::render::{self, RenderError};
-use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
+use lodestone::serve::scheduler::converter::{ConversionResult, Converter, Failure, Work};
 
 use crate::content::{self, Nature};
 use crate::dice::Dice;
@@ -86,7 +86,7 @@ impl Desk {
 }
 
 impl Converter for Desk {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
         let failure =
             |message: &str, may_pass| Failure { message: message.into(), may_pass, panicked: false };
         let job: i64 = work.output.file_name().unwrap().to_str().unwrap().parse().unwrap();
@@ -123,11 +123,20 @@ impl Converter for Desk {
             Nature::Good => {}
         }
         fs::write(work.output.join("metadata.json"), &content).unwrap();
-        Ok(Report { json: serde_json::json!({ "content": content }), ..Report::default() })
+        Ok(ConversionResult {
+            json: serde_json::json!({ "content": content }),
+            ..ConversionResult::default()
+        })
     }
 
     /// A picture says of which octree it is.
-    fn preview(&self, octree: &Path, into: &Path, _: &Options, context: &Context) -> render::Result<Preview> {
+    fn preview(
+        &self,
+        octree: &Path,
+        into: &Path,
+        _: &PreviewOptions,
+        context: &Context,
+    ) -> render::Result<PreviewManifest> {
         let path = octree.join("metadata.json");
         let shows = fs::read_to_string(&path).map_err(|source| RenderError::Read { path, source })?;
         let throw = blake3::hash(format!("{shows} {}", self.script.seed).as_bytes()).as_bytes()[0];

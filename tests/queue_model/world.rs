@@ -15,11 +15,11 @@ use std::time::{Duration, SystemTime};
 use lodestone::platform::disk::Disk;
 use lodestone::serve::config::Config;
 use lodestone::serve::job::State;
-use lodestone::serve::queue::{Admission, Store};
+use lodestone::serve::queue::{EnqueueResult, Store};
 use lodestone::serve::scheduler::Engine;
-use lodestone::serve::scheduler::enqueue::{self, Taken};
+use lodestone::serve::scheduler::enqueue::{self, EnqueueOutcome};
 use lodestone::serve::watch::settle::Limits;
-use lodestone::serve::watch::{Report, Watcher};
+use lodestone::serve::watch::{ScanResult, Watcher};
 use tokio::runtime::Runtime;
 
 use crate::Broken;
@@ -256,7 +256,7 @@ impl Life {
     }
 
     /// One scan, and what it found into the queue, cut off after some `polls`.
-    pub fn scan(&mut self, config: &Config, now: i64, polls: usize) -> Result<Option<Report>, Broken> {
+    pub fn scan(&mut self, config: &Config, now: i64, polls: usize) -> Result<Option<ScanResult>, Broken> {
         // As the daemon's watching loop does it.
         let again =
             self.runtime.block_on(self.store.to_look_at_again()).map_err(|error| error.to_string())?;
@@ -269,12 +269,12 @@ impl Life {
             match self.runtime.block_on(cut_off(taking, polls)) {
                 None => return Ok(None),
                 Some(Err(error)) => return Err(format!("not taken in: {error}")),
-                Some(Ok(Taken::Hollow { path, stamp, not_yet })) => {
+                Some(Ok(EnqueueOutcome::Hollow { path, stamp, not_yet })) => {
                     self.watcher.doubt(&path, &stamp, not_yet);
                     report.unsettled = true;
                 }
-                Some(Ok(Taken::Moving)) => return Err("nobody moves a file during a scan".into()),
-                Some(Ok(Taken::In { path, stamp, admission })) => {
+                Some(Ok(EnqueueOutcome::Moving)) => return Err("nobody moves a file during a scan".into()),
+                Some(Ok(EnqueueOutcome::In { path, stamp, admission })) => {
                     let times = self.sights.get(&path).map_or(0, |(_, times)| *times);
                     if times < 2 && !is_closed(&path) {
                         return Err(format!("{} was taken at first sight: {admission:?}", path.display()));
@@ -285,7 +285,7 @@ impl Life {
                     // What is being removed is less by and by.
                     let left =
                         held.as_ref().is_some_and(|held| held.split(',').all(|file| hashes.contains(&file)));
-                    let is_known = matches!(admission, Admission::Known(_)) && left;
+                    let is_known = matches!(admission, EnqueueResult::Known(_)) && left;
                     if Some(hashes.join(",")) != held && !is_known {
                         return Err(format!("{} became {admission:?} of other content", path.display()));
                     }

@@ -5,9 +5,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::json as pages;
-use super::page::{Page, coordinates, las_page, levels};
+use super::page::{InfoPage, coordinates, las_page, levels};
 use crate::format::copc::hierarchy::MAX_LEVEL;
-use crate::format::copc::{CopcError, CopcFile, Entry};
+use crate::format::copc::{CopcEntry, CopcError, CopcFile};
 use crate::words::grouped;
 
 /// A page about a COPC file, or the same as JSON.
@@ -18,7 +18,7 @@ pub fn describe(path: &Path, memory_limit: u64, as_json: bool) -> Result<String,
         value["copc"] = json(&file);
         return Ok(pages::pretty(&value));
     }
-    let mut page = Page(las_page(path, &file.header));
+    let mut page = InfoPage(las_page(path, &file.header));
     let cube = file.cube();
     let corner = cube.center.map(|c| c - cube.halfsize);
     page.line("COPC", if file.is_own() { "by lodestone, with the attributes of its octree" } else { "1.0" });
@@ -36,7 +36,7 @@ pub fn describe(path: &Path, memory_limit: u64, as_json: bool) -> Result<String,
     Ok(page.0)
 }
 
-fn is_leaf(file: &CopcFile, node: &Entry) -> bool {
+fn is_leaf(file: &CopcFile, node: &CopcEntry) -> bool {
     node.key.level >= MAX_LEVEL || (0..8).all(|index| file.node(node.key.child(index)).is_none())
 }
 

@@ -11,9 +11,9 @@ use crate::words::{self, Plain, grouped};
 
 /// A page of lines, each with a title.
 #[derive(Default)]
-pub struct Page(pub String);
+pub struct InfoPage(pub String);
 
-impl Page {
+impl InfoPage {
     pub fn line(&mut self, title: &str, text: impl fmt::Display) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.0, "{title:<14} {}", Plain(text));
@@ -29,7 +29,7 @@ impl Page {
 
 pub fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String {
     let bytes = fs::metadata(folder.join(potree::OCTREE)).map_or(0, |file| file.len());
-    let mut page = Page::default();
+    let mut page = InfoPage::default();
     page.line("octree", folder.display());
     page.line("name", or_none(&metadata.name));
     if !metadata.description.is_empty() {
@@ -51,8 +51,8 @@ pub fn octree_page(folder: &Path, metadata: &Metadata, nodes: &[Node]) -> String
     }
     page.line("points", grouped(metadata.points));
     let encoding = match metadata.encoding {
-        potree::Encoding::Default => "DEFAULT",
-        potree::Encoding::Brotli => "BROTLI",
+        potree::PotreeEncoding::Default => "DEFAULT",
+        potree::PotreeEncoding::Brotli => "BROTLI",
     };
     let each = bytes as f64 / metadata.points.max(1) as f64;
     page.line("points file", format!("{} bytes, {encoding}, {each:.1} bytes a point", grouped(bytes)));
@@ -85,7 +85,7 @@ fn tight_box(position: &MetadataAttribute) -> Option<[[f64; 3]; 2]> {
 
 /// A table of the levels: spacing, nodes, leaves, points. A node is its level, whether it is
 /// a leaf, and its points.
-pub fn levels(page: &mut Page, spacing: f64, nodes: &[(u8, bool, u32)]) {
+pub fn levels(page: &mut InfoPage, spacing: f64, nodes: &[(u8, bool, u32)]) {
     let deepest = nodes.iter().map(|node| node.0).max().unwrap_or(0);
     page.line("level", format!("{:>12} {:>12} {:>12} {:>16}", "spacing", "nodes", "leaves", "points"));
     let row = |level: Option<u8>| {
@@ -106,7 +106,7 @@ pub fn levels(page: &mut Page, spacing: f64, nodes: &[(u8, bool, u32)]) {
     }
 }
 
-fn attributes(page: &mut Page, metadata: &Metadata) {
+fn attributes(page: &mut InfoPage, metadata: &Metadata) {
     let longest = metadata.attributes.iter().map(|a| a.name.chars().count()).max().unwrap_or(0);
     for (index, attribute) in metadata.attributes.iter().enumerate() {
         let kind = match attribute.value_type.unwrap_or(attribute.kind).into() {
@@ -135,7 +135,7 @@ fn attributes(page: &mut Page, metadata: &Metadata) {
 }
 
 pub fn las_page(path: &Path, header: &Header) -> String {
-    let mut page = Page::default();
+    let mut page = InfoPage::default();
     page.line("file", path.display());
     let kind = if header.compressed { "LAZ" } else { "LAS" };
     let (major, minor) = header.version;
@@ -170,7 +170,7 @@ pub fn las_page(path: &Path, header: &Header) -> String {
     page.0
 }
 
-fn extent(page: &mut Page, min: [f64; 3], max: [f64; 3], scale: [f64; 3]) {
+fn extent(page: &mut InfoPage, min: [f64; 3], max: [f64; 3], scale: [f64; 3]) {
     page.line("from", coordinates(min, scale));
     page.line("to", coordinates(max, scale));
     let size: [f64; 3] = std::array::from_fn(|axis| max[axis] - min[axis]);

@@ -10,7 +10,7 @@
 
 use std::path::Path;
 
-use super::receipt::{Identity, Past, Receipt};
+use super::receipt::{ConversionKey, JournalEntry, ResumeState};
 use crate::convert::error::{Result, StageError};
 use crate::platform::disk::{Disk, DiskError, DiskFile};
 
@@ -27,16 +27,16 @@ pub struct Journal {
 impl Journal {
     /// Opens the journal of a conversion: with its past, where an earlier run of
     /// the same conversion left one that can be believed.
-    pub fn open(disk: &Disk, path: &Path, identity: Identity) -> Result<(Journal, Option<Past>)> {
+    pub fn open(disk: &Disk, path: &Path, identity: ConversionKey) -> Result<(Journal, Option<ResumeState>)> {
         Journal::open_in(disk, path, identity, boot())
     }
 
     fn open_in(
         disk: &Disk,
         path: &Path,
-        identity: Identity,
+        identity: ConversionKey,
         boot: String,
-    ) -> Result<(Journal, Option<Past>)> {
+    ) -> Result<(Journal, Option<ResumeState>)> {
         let file = disk.reopen(path)?;
         let mut bytes = vec![0; file.length()? as usize];
         file.read_exact_at(&mut bytes, 0)?;
@@ -44,33 +44,33 @@ impl Journal {
         let same_boot = last_boot(&frames).is_some_and(|last| last == boot && !boot.is_empty());
         if !same_boot {
             let synced = frames.iter().filter_map(|(receipt, _)| match receipt {
-                Receipt::Synced { upto } => Some(*upto),
+                JournalEntry::Synced { upto } => Some(*upto),
                 _ => None,
             });
             let upto = synced.max().unwrap_or(0);
             frames.retain(|(_, end)| *end <= upto);
         }
         let ours =
-            matches!(frames.first(), Some((Receipt::Begun { identity: of, .. }, _)) if *of == identity);
+            matches!(frames.first(), Some((JournalEntry::Begun { identity: of, .. }, _)) if *of == identity);
         let end = if ours { frames.last().map_or(0, |(_, end)| *end) } else { 0 };
         file.cut_to(end)?;
         let mut journal = Journal { file, end, boot: boot.clone() };
-        journal.append(&Receipt::Begun { identity, boot })?;
-        let past =
-            ours.then(|| Past::of(frames.into_iter().map(|(receipt, _)| receipt).collect(), same_boot));
+        journal.append(&JournalEntry::Begun { identity, boot })?;
+        let past = ours
+            .then(|| ResumeState::of(frames.into_iter().map(|(receipt, _)| receipt).collect(), same_boot));
         Ok((journal, past))
     }
 
     /// Begins anew: nothing that was there counts.
-    pub fn clear(&mut self, identity: Identity) -> Result<()> {
+    pub fn clear(&mut self, identity: ConversionKey) -> Result<()> {
         self.file.cut_to(0)?;
         self.end = 0;
         let boot = self.boot.clone();
-        self.append(&Receipt::Begun { identity, boot })
+        self.append(&JournalEntry::Begun { identity, boot })
     }
 
     /// Adds a receipt, for data that is written already.
-    pub fn append(&mut self, receipt: &Receipt) -> Result<()> {
+    pub fn append(&mut self, receipt: &JournalEntry) -> Result<()> {
         let payload = postcard::to_allocvec(receipt)
             .map_err(|e| StageError::Inconsistent(format!("a receipt could not be written: {e}")))?;
         let mut frame = Vec::with_capacity(HEAD + payload.len());
@@ -93,7 +93,7 @@ impl Journal {
 }
 
 /// The receipts of a journal, for whoever only looks; none where there is none.
-pub fn read(path: &Path) -> Result<Vec<Receipt>> {
+pub fn read(path: &Path) -> Result<Vec<JournalEntry>> {
     match std::fs::read(path) {
         Ok(bytes) => Ok(frames(&bytes).into_iter().map(|(receipt, _)| receipt).collect()),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
@@ -102,7 +102,7 @@ pub fn read(path: &Path) -> Result<Vec<Receipt>> {
 }
 
 /// All whole frames with their ends; the first that is torn ends it.
-fn frames(bytes: &[u8]) -> Vec<(Receipt, u64)> {
+fn frames(bytes: &[u8]) -> Vec<(JournalEntry, u64)> {
     let mut frames = Vec::new();
     let mut at = 0;
     while let Some((head, rest)) = bytes[at..].split_first_chunk::<HEAD>() {
@@ -118,9 +118,9 @@ fn frames(bytes: &[u8]) -> Vec<(Receipt, u64)> {
     frames
 }
 
-fn last_boot(frames: &[(Receipt, u64)]) -> Option<&str> {
+fn last_boot(frames: &[(JournalEntry, u64)]) -> Option<&str> {
     frames.iter().rev().find_map(|(receipt, _)| match receipt {
-        Receipt::Begun { boot, .. } => Some(boot.as_str()),
+        JournalEntry::Begun { boot, .. } => Some(boot.as_str()),
         _ => None,
     })
 }
@@ -140,17 +140,17 @@ fn boot() -> String {
 mod tests {
     use super::*;
 
-    const ME: Identity = [1; 32];
+    const ME: ConversionKey = [1; 32];
 
-    fn spool(unit: u32) -> Receipt {
-        Receipt::Spooled { unit, end: 0 }
+    fn spool(unit: u32) -> JournalEntry {
+        JournalEntry::Spooled { unit, end: 0 }
     }
 
-    fn spooled(past: &Past) -> Vec<u32> {
+    fn spooled(past: &ResumeState) -> Vec<u32> {
         (0..100).filter(|unit| past.has_records(*unit)).collect()
     }
 
-    fn written(path: &Path, receipts: &[Receipt]) {
+    fn written(path: &Path, receipts: &[JournalEntry]) {
         let (mut journal, past) = Journal::open_in(&Disk::new(), path, ME, "a".into()).expect("opened");
         assert!(past.is_none());
         for receipt in receipts {
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    fn past(path: &Path, identity: Identity, boot: &str) -> Option<Past> {
+    fn past(path: &Path, identity: ConversionKey, boot: &str) -> Option<ResumeState> {
         Journal::open_in(&Disk::new(), path, identity, boot.into()).expect("opened").1
     }
 
@@ -169,7 +169,7 @@ mod tests {
         written(&path, &[spool(3)]);
         let upto = std::fs::metadata(&path).expect("there").len();
         let (mut journal, _) = Journal::open_in(&Disk::new(), &path, ME, "a".into()).expect("opened");
-        journal.append(&Receipt::Synced { upto }).expect("appended");
+        journal.append(&JournalEntry::Synced { upto }).expect("appended");
         journal.append(&spool(5)).expect("appended");
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [3, 5]);
         // What was not synced is gone for good, also for those who come later.
@@ -218,10 +218,10 @@ mod tests {
     fn a_slice_that_was_being_overwritten_is_read_again() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal");
-        written(&path, &[spool(1), spool(2), Receipt::Bucketing { unit: 1 }]);
+        written(&path, &[spool(1), spool(2), JournalEntry::Bucketing { unit: 1 }]);
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [2]);
         let (mut journal, _) = Journal::open_in(&Disk::new(), &path, ME, "a".into()).expect("opened");
-        journal.append(&Receipt::Bucketed { unit: 1, end: 0, counts: vec![(0, 9)] }).expect("appended");
+        journal.append(&JournalEntry::Bucketed { unit: 1, end: 0, counts: vec![(0, 9)] }).expect("appended");
         assert_eq!(spooled(&past(&path, ME, "a").expect("a past")), [1, 2]);
     }
 }

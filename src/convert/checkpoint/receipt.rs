@@ -23,13 +23,13 @@ pub const FORMAT: &str = concat!("lodestone receipts 7, program ", env!("CARGO_P
 
 /// What makes a conversion the same as the one that left receipts: the hash of
 /// program, options, inputs and output.
-pub type Identity = [u8; 32];
+pub type ConversionKey = [u8; 32];
 
 #[derive(Debug, Serialize, Deserialize)]
-pub enum Receipt {
+pub enum JournalEntry {
     /// A run of the program begins (or goes on); `boot` names the boot of the
     /// machine, empty where it cannot be told.
-    Begun { identity: Identity, boot: String },
+    Begun { identity: ConversionKey, boot: String },
     /// Everything that receipts before byte `upto` of the journal vouch for has
     /// reached the disk.
     Synced { upto: u64 },
@@ -43,7 +43,7 @@ pub enum Receipt {
     /// their order.
     Bucketed { unit: u32, end: u64, counts: Vec<(u32, u32)> },
     /// A chunk or a step of the merge is done.
-    Built { number: u32, built: Built },
+    Built { number: u32, built: StoredUnit },
     /// Blocks that had to wait have their place in their files now.
     Placed { number: u32, at: Each<u64> },
     /// The octree is whole, in the folder of this inode; only its name is left to
@@ -53,7 +53,7 @@ pub enum Receipt {
 
 /// What a chunk, or a step of the merge, came to.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Built {
+pub struct StoredUnit {
     /// Its finished nodes in each file; offsets count from the start of its block.
     pub nodes: Each<Vec<NodeEntry>>,
     /// Lengths of the blocks, in bytes.
@@ -70,7 +70,7 @@ pub struct Built {
     /// Its topmost node, which waits for the levels above.
     pub root: StoredRoot,
     /// Samples along its border, for those that touch it.
-    pub halo: Span,
+    pub halo: ByteRange,
     /// What was kept out of the octree.
     pub aside: Vec<ExcludedRange>,
 }
@@ -82,19 +82,19 @@ pub struct StoredRoot {
     pub has_children: bool,
     pub crowded: bool,
     /// Its records.
-    pub records: Span,
+    pub records: ByteRange,
     /// The records of all nodes below, where these join it in the COPC file.
-    pub below: Option<Span>,
+    pub below: Option<ByteRange>,
 }
 
 /// Where something lies in the scratch, in bytes.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
-pub struct Span {
+pub struct ByteRange {
     pub offset: u64,
     pub bytes: u64,
 }
 
-impl Span {
+impl ByteRange {
     fn end(self) -> u64 {
         self.offset + self.bytes
     }
@@ -102,48 +102,48 @@ impl Span {
 
 /// What earlier runs have done.
 #[derive(Debug, Default)]
-pub struct Past {
+pub struct ResumeState {
     spooled: HashSet<u32>,
     bucketing: HashSet<u32>,
     runs_end: u64,
     pub surveyed: Option<CountingResult>,
     pub bucketed: HashMap<u32, Vec<(u32, u32)>>,
-    pub built: HashMap<u32, Built>,
+    pub built: HashMap<u32, StoredUnit>,
     /// Inode of the whole octree, and the outcome as JSON.
     pub finished: Option<(u64, String)>,
     /// Units that are done, of every kind.
     pub units: u64,
 }
 
-impl Past {
+impl ResumeState {
     /// Sums up receipts. `same_boot` says whether the machine has run on since
     /// they were written: else what was overwritten in place cannot be trusted.
-    pub fn of(receipts: Vec<Receipt>, same_boot: bool) -> Past {
-        let mut past = Past { units: units_in(&receipts), ..Past::default() };
+    pub fn of(receipts: Vec<JournalEntry>, same_boot: bool) -> ResumeState {
+        let mut past = ResumeState { units: units_in(&receipts), ..ResumeState::default() };
         let mut placed = HashMap::new();
         for receipt in receipts {
             match receipt {
-                Receipt::Begun { .. } | Receipt::Synced { .. } => {}
-                Receipt::Spooled { unit, end } => {
+                JournalEntry::Begun { .. } | JournalEntry::Synced { .. } => {}
+                JournalEntry::Spooled { unit, end } => {
                     past.runs_end = past.runs_end.max(end);
                     past.spooled.insert(unit);
                     past.bucketing.remove(&unit);
                 }
-                Receipt::Surveyed(findings) => past.surveyed = Some(findings),
-                Receipt::Bucketing { unit } => {
+                JournalEntry::Surveyed(findings) => past.surveyed = Some(findings),
+                JournalEntry::Bucketing { unit } => {
                     past.bucketing.insert(unit);
                 }
-                Receipt::Bucketed { unit, end, counts } => {
+                JournalEntry::Bucketed { unit, end, counts } => {
                     past.runs_end = past.runs_end.max(end);
                     past.bucketed.insert(unit, counts);
                 }
-                Receipt::Built { number, built } => {
+                JournalEntry::Built { number, built } => {
                     past.built.insert(number, built);
                 }
-                Receipt::Placed { number, at } => {
+                JournalEntry::Placed { number, at } => {
                     placed.insert(number, at);
                 }
-                Receipt::Finished { inode, outcome } => past.finished = Some((inode, outcome)),
+                JournalEntry::Finished { inode, outcome } => past.finished = Some((inode, outcome)),
             }
         }
         // Whoever places a block may be quicker than the one who brings it.
@@ -164,26 +164,26 @@ impl Past {
     }
 
     /// How long the files must be at least to hold what is vouched for.
-    pub fn ends(&self) -> Ends {
+    pub fn ends(&self) -> RequiredLengths {
         let end_of = |file: usize| {
             self.built
                 .values()
                 .filter_map(|b| Some(b.at?[file] + b.bytes[file]).filter(|_| b.bytes[file] > 0))
                 .max()
         };
-        let kept = |b: &Built| {
-            let below = b.root.below.map_or(0, Span::end);
+        let kept = |b: &StoredUnit| {
+            let below = b.root.below.map_or(0, ByteRange::end);
             b.root.records.end().max(b.halo.end()).max(below)
         };
         let risen = self.built.values().map(kept).max();
         let files = [OCTREE, COPC].map(|file| end_of(file).unwrap_or(0));
-        Ends { runs: self.runs_end, files, risen: risen.unwrap_or(0) }
+        RequiredLengths { runs: self.runs_end, files, risen: risen.unwrap_or(0) }
     }
 }
 
 /// Lengths in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ends {
+pub struct RequiredLengths {
     pub runs: u64,
     /// Of octree.bin, and of the points in the COPC file.
     pub files: Each<u64>,
@@ -191,34 +191,34 @@ pub struct Ends {
 }
 
 /// How many units of work these receipts stand for.
-pub fn units_in(receipts: &[Receipt]) -> u64 {
-    receipts.iter().filter_map(Receipt::unit).count() as u64
+pub fn units_in(receipts: &[JournalEntry]) -> u64 {
+    receipts.iter().filter_map(JournalEntry::unit).count() as u64
 }
 
 /// A unit of work by its kind and, where there are several of that kind, number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Unit {
+pub enum WorkUnit {
     Spooled(u32),
     Surveyed,
     Bucketed(u32),
     Built(u32),
 }
 
-impl Receipt {
+impl JournalEntry {
     /// The work that it stands for; none where it only notes a stage on the way.
-    pub fn unit(&self) -> Option<Unit> {
+    pub fn unit(&self) -> Option<WorkUnit> {
         match self {
-            Receipt::Spooled { unit, .. } => Some(Unit::Spooled(*unit)),
-            Receipt::Surveyed(_) => Some(Unit::Surveyed),
-            Receipt::Bucketed { unit, .. } => Some(Unit::Bucketed(*unit)),
-            Receipt::Built { number, .. } => Some(Unit::Built(*number)),
+            JournalEntry::Spooled { unit, .. } => Some(WorkUnit::Spooled(*unit)),
+            JournalEntry::Surveyed(_) => Some(WorkUnit::Surveyed),
+            JournalEntry::Bucketed { unit, .. } => Some(WorkUnit::Bucketed(*unit)),
+            JournalEntry::Built { number, .. } => Some(WorkUnit::Built(*number)),
             // A kill between it and the rename has the end written once more: it
             // vouches for a folder, not for work that would be saved.
-            Receipt::Finished { .. }
-            | Receipt::Begun { .. }
-            | Receipt::Synced { .. }
-            | Receipt::Bucketing { .. }
-            | Receipt::Placed { .. } => None,
+            JournalEntry::Finished { .. }
+            | JournalEntry::Begun { .. }
+            | JournalEntry::Synced { .. }
+            | JournalEntry::Bucketing { .. }
+            | JournalEntry::Placed { .. } => None,
         }
     }
 }

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::journal::{self, Journal};
-use super::receipt::{Built, Ends, Identity, Past, Receipt, Span};
+use super::receipt::{ByteRange, ConversionKey, JournalEntry, RequiredLengths, ResumeState, StoredUnit};
 use crate::convert::error::{Result, StageError};
 use crate::convert::values::block::{COPC, Each, OCTREE};
 use crate::convert::values::counting_result::CountingResult;
@@ -30,7 +30,7 @@ const SYNC_EVERY: Duration = Duration::from_secs(30);
 pub struct Scratch {
     disk: Disk,
     pub folder: PathBuf,
-    identity: Identity,
+    identity: ConversionKey,
     journal: Mutex<Journal>,
     /// Records of every slice, at places known beforehand.
     pub runs: Arc<DiskFile>,
@@ -39,7 +39,7 @@ pub struct Scratch {
     risen: DiskFile,
     risen_end: AtomicU64,
     /// What earlier runs of this conversion did.
-    pub past: Past,
+    pub past: ResumeState,
     /// Blocks that lie in files of their own.
     findings: Mutex<Option<CountingResult>>,
     spilled: Mutex<BTreeSet<u32>>,
@@ -51,7 +51,7 @@ pub struct Scratch {
 impl Scratch {
     /// Opens the folder of a conversion, or makes it. What another conversion,
     /// another program or other options left in it is cleared.
-    pub fn open(disk: &Disk, folder: PathBuf, identity: Identity) -> Result<Scratch> {
+    pub fn open(disk: &Disk, folder: PathBuf, identity: ConversionKey) -> Result<Scratch> {
         let lock = disk.lock_dir(&folder)?.ok_or_else(|| StageError::Busy(folder.clone()))?;
         let (journal, past) = Journal::open(disk, &folder.join(JOURNAL), identity)?;
         let mut scratch = Scratch {
@@ -61,7 +61,7 @@ impl Scratch {
             runs: Arc::new(disk.reopen(&folder.join(RUNS))?),
             risen: disk.reopen(&folder.join(RISEN))?,
             risen_end: AtomicU64::new(0),
-            past: Past::default(),
+            past: ResumeState::default(),
             findings: Mutex::default(),
             spilled: Mutex::default(),
             points: Mutex::default(),
@@ -77,8 +77,8 @@ impl Scratch {
     }
 
     /// Goes on from what is there, unless less is there than was receipted.
-    fn take_up(&mut self, past: Past) -> Result<()> {
-        let Ends { runs, risen, .. } = past.ends();
+    fn take_up(&mut self, past: ResumeState) -> Result<()> {
+        let RequiredLengths { runs, risen, .. } = past.ends();
         if self.risen.length()? < risen || self.runs.length()? < runs {
             tracing::warn!(folder = %self.folder.display(), "intermediate files were cut; beginning anew");
             return self.clear();
@@ -107,7 +107,7 @@ impl Scratch {
     /// Begins anew.
     pub fn clear(&mut self) -> Result<()> {
         lock(&self.journal).clear(self.identity)?;
-        self.past = Past::default();
+        self.past = ResumeState::default();
         self.risen_end = AtomicU64::new(0);
         *lock(&self.findings) = None;
         lock(&self.spilled).clear();
@@ -125,7 +125,7 @@ impl Scratch {
 
     /// Adds the receipt of something that is written. Now and then this makes
     /// all that was written so far last.
-    pub fn receipt(&self, receipt: &Receipt) -> Result<()> {
+    pub fn receipt(&self, receipt: &JournalEntry) -> Result<()> {
         lock(&self.journal).append(receipt)?;
         let due = match self.synced_at.try_lock() {
             Ok(mut at) if at.elapsed() >= SYNC_EVERY => {
@@ -156,7 +156,7 @@ impl Scratch {
         }
         self.disk.sync_dir(&self.folder)?;
         let mut journal = lock(&self.journal);
-        journal.append(&Receipt::Synced { upto })?;
+        journal.append(&JournalEntry::Synced { upto })?;
         journal.sync()
     }
 
@@ -168,24 +168,24 @@ impl Scratch {
     /// Notes what the survey found, and makes all of it last: from here on slices
     /// are overwritten in place.
     pub fn surveyed(&self, findings: CountingResult) -> Result<CountingResult> {
-        let receipt = Receipt::Surveyed(findings);
+        let receipt = JournalEntry::Surveyed(findings);
         self.receipt(&receipt)?;
         self.sync()?;
         match receipt {
-            Receipt::Surveyed(findings) => Ok(findings),
+            JournalEntry::Surveyed(findings) => Ok(findings),
             _ => Err(StageError::Inconsistent("a receipt changed".into())),
         }
     }
 
     /// Keeps bytes until the merge: records of a node, or samples along a border.
-    pub fn keep(&self, bytes: &[u8]) -> Result<Span> {
+    pub fn keep(&self, bytes: &[u8]) -> Result<ByteRange> {
         let offset = self.risen_end.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         self.risen.write_all_at(bytes, offset)?;
-        Ok(Span { offset, bytes: bytes.len() as u64 })
+        Ok(ByteRange { offset, bytes: bytes.len() as u64 })
     }
 
     /// Bytes that were kept.
-    pub fn fetch(&self, span: Span) -> Result<Vec<u8>> {
+    pub fn fetch(&self, span: ByteRange) -> Result<Vec<u8>> {
         let mut bytes = vec![0; span.bytes as usize];
         self.risen.read_exact_at(&mut bytes, span.offset)?;
         Ok(bytes)
@@ -193,12 +193,12 @@ impl Scratch {
 
     /// Puts blocks that must wait for their turn into a file of their own, one behind
     /// the other, with their receipt.
-    pub fn spill(&self, number: u32, blocks: Each<&[u8]>, built: Built) -> Result<()> {
+    pub fn spill(&self, number: u32, blocks: Each<&[u8]>, built: StoredUnit) -> Result<()> {
         let file = self.disk.create(&self.block_file(number))?;
         file.write_all_at(blocks[OCTREE], 0)?;
         file.write_all_at(blocks[COPC], blocks[OCTREE].len() as u64)?;
         lock(&self.spilled).insert(number);
-        self.receipt(&Receipt::Built { number, built: Built { at: None, ..built } })
+        self.receipt(&JournalEntry::Built { number, built: StoredUnit { at: None, ..built } })
     }
 
     pub fn unspill(&self, number: u32, bytes: u64) -> Result<Vec<u8>> {
@@ -209,7 +209,7 @@ impl Scratch {
 
     /// A spilled block is in its place now.
     pub fn placed(&self, number: u32, at: Each<u64>) -> Result<()> {
-        self.receipt(&Receipt::Placed { number, at })?;
+        self.receipt(&JournalEntry::Placed { number, at })?;
         lock(&self.spilled).remove(&number);
         Ok(self.disk.remove_file(&self.block_file(number))?)
     }

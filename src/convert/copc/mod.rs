@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 pub use plan::{complete, file_name};
 pub use writer::CopcWriter;
 
-use super::options::{Mode, Options};
+use super::options::{GuardMode, Options};
 use crate::octree::collapse;
 use crate::octree::node_limit::NODE_LIMIT;
 
 /// What there is to say of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CopcFile {
+pub struct CopcOutput {
     /// Its name in the folder of the octree.
     pub file: String,
     pub bytes: u64,
@@ -35,8 +35,8 @@ pub struct CopcFile {
 pub fn memory(points: u64, record: u64, options: &Options) -> u64 {
     // Two copies of a node while it is put in order and encoded, and what sorts it.
     let most = match options.duplicates {
-        Mode::Keep => points,
-        Mode::SetAside | Mode::Drop => points.min((NODE_LIMIT + collapse::MAX_POINTS) as u64),
+        GuardMode::Keep => points,
+        GuardMode::SetAside | GuardMode::Drop => points.min((NODE_LIMIT + collapse::MAX_POINTS) as u64),
     };
     // Indices of subtrees that wait for their parents, and the chunk's compressed points.
     points * (4 + record / 2) + most * (2 * record + 64) + ENCODER

@@ -9,12 +9,13 @@ use super::super::options::Options;
 use super::super::values::block::OCTREE;
 use super::super::values::copc_plan::CopcPlan;
 use super::super::values::counted_inputs::Survey;
-use super::super::values::finished_files::{Finished, Octree};
-use super::CopcFile;
+use super::super::values::finished_files::{FinishedFile, OctreeContents};
+use super::CopcOutput;
 use crate::format::copc::{
-    ChunkEncoder, CopcCube, Described, ENDING, Entry, Head, Layout, Places, Record, Totals, tail,
+    ChunkEncoder, CopcCube, CopcEntry, Described, ENDING, FileTotals, Head, Places, Record, RecordLayout,
+    tail,
 };
-use crate::format::las::{Created, GpsTime, LasFile, PassedOn};
+use crate::format::las::{Created, GpsEpoch, LasFile, PassedOn};
 use crate::octree::attribute::{Attribute, Scalar, Schema};
 use crate::words;
 
@@ -34,7 +35,7 @@ impl CopcPlan {
     /// survey.
     pub fn new(survey: &mut Survey) -> Result<CopcPlan> {
         let schema = &survey.unified.schema;
-        let layout = Layout::new(schema, &described(survey))?;
+        let layout = RecordLayout::new(schema, &described(survey))?;
         // Fails for what no chunk can be made of.
         ChunkEncoder::new(&layout)?;
         let files: Vec<&LasFile> = survey.inputs.iter().map(|input| &input.las).collect();
@@ -83,7 +84,7 @@ fn described(survey: &Survey) -> Described {
 }
 
 /// What the header says of the points.
-fn totals(head: &Head, octree: &Octree, tail: Places) -> Totals {
+fn totals(head: &Head, octree: &OctreeContents, tail: Places) -> FileTotals {
     let schema = &octree.survey.unified.schema;
     let of = |name: &str, scalar: Scalar, elements: usize| {
         let is_it = |a: &Attribute| a.name == name && a.scalar == scalar && a.elements == elements;
@@ -103,7 +104,7 @@ fn totals(head: &Head, octree: &Octree, tail: Places) -> Totals {
     }
     let time = of("gps-time", Scalar::F64, 1).map(|time| (time.min[0], time.max[0]));
     let time = time.filter(|(first, last)| first <= last);
-    Totals { points: octree.survey.points - octree.aside, by_return, min, max, time, tail }
+    FileTotals { points: octree.survey.points - octree.aside, by_return, min, max, time, tail }
 }
 
 fn position_of(schema: &Schema, name: &str, scalar: Scalar) -> Option<usize> {
@@ -113,10 +114,10 @@ fn position_of(schema: &Schema, name: &str, scalar: Scalar) -> Option<usize> {
 
 /// What GPS times are, and of the other bits those that all inputs have: waveforms and
 /// returns that were made up.
-fn global_encoding(gps_time: Option<GpsTime>, files: &[&LasFile]) -> u16 {
+fn global_encoding(gps_time: Option<GpsEpoch>, files: &[&LasFile]) -> u16 {
     const OTHERS: u16 = 0b1110;
     let common = files.iter().fold(OTHERS, |common, file| common & file.header().global_encoding);
-    common | u16::from(matches!(gps_time, Some(GpsTime::Standard { .. })))
+    common | u16::from(matches!(gps_time, Some(GpsEpoch::Standard { .. })))
 }
 
 /// The latest day on which an input was made; never today, or the same points would be
@@ -150,11 +151,11 @@ fn shared(files: &[&LasFile], notes: &mut Vec<String>) -> Result<Vec<Record>> {
 }
 
 /// Writes what stands before and behind the points, and makes the file last.
-pub fn complete(plan: &CopcPlan, octree: &Octree, finished: &Finished) -> Result<CopcFile> {
-    let entries: Vec<Entry> = finished
+pub fn complete(plan: &CopcPlan, octree: &OctreeContents, finished: &FinishedFile) -> Result<CopcOutput> {
+    let entries: Vec<CopcEntry> = finished
         .nodes
         .iter()
-        .map(|node| Entry {
+        .map(|node| CopcEntry {
             key: node.node,
             // Nodes without points have no place.
             offset: if node.points == 0 { 0 } else { node.offset },
@@ -176,7 +177,7 @@ pub fn complete(plan: &CopcPlan, octree: &Octree, finished: &Finished) -> Result
     finished.file.write_all_at(&head, 0)?;
     finished.file.sync()?;
     let name = finished.file.path().file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok(CopcFile {
+    Ok(CopcOutput {
         file: name.unwrap_or_default(),
         bytes: finished.end + tail.bytes.len() as u64,
         alone: octree.files[OCTREE].is_none(),

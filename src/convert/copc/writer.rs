@@ -2,7 +2,7 @@
 //! small subtrees joined to one leaf, each in the order in which it compresses best.
 
 use super::super::error::{Result, StageError};
-use super::super::values::block::{Block, NodeEntry};
+use super::super::values::block::{NodeBlock, NodeEntry};
 use super::super::values::copc_plan::CopcPlan;
 use super::super::values::counted_inputs::Survey;
 use crate::format::copc::ChunkEncoder;
@@ -11,7 +11,7 @@ use crate::octree::collapse::{Below, Collapse, Final};
 use crate::octree::moments::Moments;
 use crate::octree::node::NodeKey;
 use crate::octree::record;
-use crate::octree::sampling::sampler::Item;
+use crate::octree::sampling::sampler::IndexedPoint;
 
 /// Points of a chunk at most: a file's entries count in 32 bits with a sign.
 const MAX_CHUNK: usize = i32::MAX as usize;
@@ -23,7 +23,7 @@ pub struct CopcWriter<'a> {
     /// Once there is something to encode.
     encoder: Option<ChunkEncoder>,
     collapse: Collapse,
-    block: Block,
+    block: NodeBlock,
     /// Of all points that were written.
     moments: Moments,
     // Buffers.
@@ -42,7 +42,7 @@ impl<'a> CopcWriter<'a> {
             plan,
             encoder: None,
             collapse: Collapse::default(),
-            block: Block::default(),
+            block: NodeBlock::default(),
             moments: Moments::empty(&survey.unified.schema),
             sorter: Sorter::default(),
             ordered: Vec::new(),
@@ -52,19 +52,19 @@ impl<'a> CopcWriter<'a> {
     }
 
     /// Begins another block, in memory that may have served before.
-    pub fn with_block(mut self, block: Block) -> CopcWriter<'a> {
+    pub fn with_block(mut self, block: NodeBlock) -> CopcWriter<'a> {
         self.block = block;
         self
     }
 
     /// The block, and the moments of its points; both begin anew.
-    pub fn take(&mut self) -> (Block, Moments) {
+    pub fn take(&mut self) -> (NodeBlock, Moments) {
         let moments = Moments::empty(&self.survey.unified.schema);
         (std::mem::take(&mut self.block), std::mem::replace(&mut self.moments, moments))
     }
 
     /// A node of a chunk that is final, after its children; `items` number `records`.
-    pub fn node(&mut self, records: &[u8], node: NodeKey, items: &[Item]) -> Result<()> {
+    pub fn node(&mut self, records: &[u8], node: NodeKey, items: &[IndexedPoint]) -> Result<()> {
         let finals = self.collapse.add(node, items.iter().map(|item| item.index));
         finals.into_iter().try_for_each(|node| self.put(records, node))
     }
@@ -93,7 +93,7 @@ impl<'a> CopcWriter<'a> {
         &mut self,
         records: &[u8],
         node: NodeKey,
-        items: &[Item],
+        items: &[IndexedPoint],
         below: Option<Vec<u8>>,
     ) -> Result<()> {
         let indices: Vec<u32> = items.iter().map(|item| item.index).collect();

@@ -5,9 +5,9 @@
 use super::exact_duplicates;
 use crate::convert::context::Cancel;
 use crate::convert::error::{Result, StageError};
-use crate::convert::options::{Mode, Options};
+use crate::convert::options::{GuardMode, Options};
 use crate::convert::values::counted_inputs::Survey;
-use crate::convert::values::record_range::{self, ExcludedRange, Part, Reason};
+use crate::convert::values::record_range::{self, ExcludedRange, RunSegment, SetAsideReason};
 use crate::convert::values::runs::Runs;
 use crate::octree::chunk_plan::Chunk;
 use crate::octree::node::LEAF_LIMIT;
@@ -17,7 +17,7 @@ const BLOCK: u32 = 1 << 14;
 
 /// Whether a chunk is one position that keeps a leaf's worth of its points.
 pub fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
-    options.duplicates != Mode::Keep && u32::from(chunk.node.level) == survey.cube.bits
+    options.duplicates != GuardMode::Keep && u32::from(chunk.node.level) == survey.cube.bits
 }
 
 /// What stays of a crowd: its first points; where twins are set aside, the first
@@ -26,13 +26,13 @@ pub fn is_crowd(survey: &Survey, options: &Options, chunk: &Chunk) -> bool {
 pub fn thin(
     survey: &Survey,
     runs: &Runs,
-    parts: &[Part],
+    parts: &[RunSegment],
     options: &Options,
     cancel: &Cancel,
-) -> Result<(Vec<Part>, Vec<ExcludedRange>)> {
-    if options.twins == Mode::Keep {
+) -> Result<(Vec<RunSegment>, Vec<ExcludedRange>)> {
+    if options.twins == GuardMode::Keep {
         // The rest need not even be read.
-        return Ok(record_range::behind(parts, LEAF_LIMIT as u32, Reason::Duplicate));
+        return Ok(record_range::behind(parts, LEAF_LIMIT as u32, SetAsideReason::Duplicate));
     }
     let mut seen = exact_duplicates::hashes(LEAF_LIMIT);
     let (mut kept, mut aside) = (Vec::new(), Vec::new());
@@ -46,12 +46,12 @@ pub fn thin(
         let length = input.source.record_length;
         let records = runs.records(block, length, &mut buffer)?.chunks_exact(length);
         for (at, record) in (block.first..).zip(records) {
-            let one = Part { first: at, points: 1, ..block };
+            let one = RunSegment { first: at, points: 1, ..block };
             let hash = exact_duplicates::hash(input.layout, record);
             if seen.contains(&hash) {
-                record_range::put(&mut aside, one, Reason::Twin);
+                record_range::put(&mut aside, one, SetAsideReason::Twin);
             } else if seen.len() == LEAF_LIMIT {
-                record_range::put(&mut aside, one, Reason::Duplicate);
+                record_range::put(&mut aside, one, SetAsideReason::Duplicate);
             } else {
                 seen.insert(hash);
                 keep(&mut kept, one);
@@ -62,8 +62,8 @@ pub fn thin(
 }
 
 /// A part, block by block.
-fn blocks(part: Part) -> impl Iterator<Item = Part> {
-    (0..part.points).step_by(BLOCK as usize).map(move |from| Part {
+fn blocks(part: RunSegment) -> impl Iterator<Item = RunSegment> {
+    (0..part.points).step_by(BLOCK as usize).map(move |from| RunSegment {
         first: part.first + from,
         points: BLOCK.min(part.points - from),
         ..part
@@ -71,7 +71,7 @@ fn blocks(part: Part) -> impl Iterator<Item = Part> {
 }
 
 /// Neighbours become one part.
-fn keep(kept: &mut Vec<Part>, one: Part) {
+fn keep(kept: &mut Vec<RunSegment>, one: RunSegment) {
     match kept.last_mut() {
         Some(last) if last.run == one.run && last.first + last.points == one.first => last.points += 1,
         _ => kept.push(one),

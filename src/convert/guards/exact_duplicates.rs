@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// Hashes of records that were seen.
-pub type Hashes = HashSet<u128, BuildHasherDefault<Taken>>;
+pub type Hashes = HashSet<u128, BuildHasherDefault<IdentityHasher>>;
 
 /// Room for so many; it need not grow then, which would take half as much again.
 pub fn hashes(records: usize) -> Hashes {
@@ -40,9 +40,9 @@ pub fn find<'a>(points: usize, records: impl Iterator<Item = (usize, &'a [u8])>)
 
 /// The keys are hashes already.
 #[derive(Default)]
-pub struct Taken(u64);
+pub struct IdentityHasher(u64);
 
-impl Hasher for Taken {
+impl Hasher for IdentityHasher {
     fn finish(&self) -> u64 {
         self.0
     }

@@ -2,19 +2,19 @@
 //! levels deeper, and restricts the region that goes into it to the others.
 
 use crate::convert::values::coordinate_frame::CoordinateFrame;
-use crate::convert::values::inlier_region::{Region, Restriction};
+use crate::convert::values::inlier_region::{InlierRegion, Restriction};
 use crate::format::las::LasFile;
-use crate::octree::counting_grid::{Census, Grid};
+use crate::octree::counting_grid::{CountingGrid, Grid};
 use crate::octree::lattice::SourceGrid;
-use crate::octree::outliers::{self, Kept};
+use crate::octree::outliers::{self, InlierBox};
 
 /// Scales on which outliers are looked for: an outlier a thousand times as far
 /// away hides one that is only a hundred times as far.
 const MOST_ROUNDS: usize = 8;
 
-impl Region {
+impl InlierRegion {
     /// The outliers of what is inside so far, where it has some.
-    pub fn next(&self, census: &Census, points: u64) -> Option<Kept> {
+    pub fn next(&self, census: &CountingGrid, points: u64) -> Option<InlierBox> {
         let most = outliers::most(points).saturating_sub(self.outliers);
         if self.restrictions.len() >= MOST_ROUNDS || most == 0 {
             return None;
@@ -26,8 +26,8 @@ impl Region {
     pub fn restrict(
         &mut self,
         base: CoordinateFrame,
-        census: &Census,
-        kept: Kept,
+        census: &CountingGrid,
+        kept: InlierBox,
         files: &[LasFile],
     ) -> Vec<SourceGrid> {
         let Some(grid) = census.grids.first() else { return Vec::new() };
@@ -84,8 +84,9 @@ mod tests {
 
     #[test]
     fn the_note_tells_lengths_in_metres_and_in_degrees() {
-        let note =
-            |sides| Region { outliers: 6, sides: Some(sides), ..Region::default() }.note(1000).unwrap();
+        let note = |sides| {
+            InlierRegion { outliers: 6, sides: Some(sides), ..InlierRegion::default() }.note(1000).unwrap()
+        };
         assert!(note((780_123.4, 512.3)).contains("780123 units instead of 512:"));
         assert!(note((12.3456, 0.00456789)).contains("12.3 units instead of 0.00457:"));
         assert!(note((1e9, 0.0)).contains("instead of 0.000000000000:"), "no panic at the least");

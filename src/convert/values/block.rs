@@ -24,13 +24,13 @@ pub const COPC: usize = 1;
 
 /// A chunk's finished nodes for one file, one behind the other.
 #[derive(Debug, Default)]
-pub struct Block {
+pub struct NodeBlock {
     pub bytes: Bytes,
     pub nodes: Vec<NodeEntry>,
 }
 
 /// How much of a block there is in each file.
-pub fn lengths(blocks: &Each<Block>) -> Each<u64> {
+pub fn lengths(blocks: &Each<NodeBlock>) -> Each<u64> {
     [OCTREE, COPC].map(|file| blocks[file].bytes.len() as u64)
 }
 

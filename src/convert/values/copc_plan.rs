@@ -1,10 +1,10 @@
 //! All of a COPC file that is known before its points are.
 
-use crate::format::copc::{Head, Layout};
+use crate::format::copc::{Head, RecordLayout};
 
 /// How the file is made.
 pub struct CopcPlan {
-    pub layout: Layout,
+    pub layout: RecordLayout,
     /// Where a record of the octree has its GPS time.
     pub time_at: Option<usize>,
     /// Where the points begin in the file, in bytes.

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::inlier_region::Region;
-use crate::octree::counting_grid::Census;
+use super::inlier_region::InlierRegion;
+use crate::octree::counting_grid::CountingGrid;
 use crate::octree::lattice::SourceGrid;
 
 /// What the passes over the points find: enough to go on without them.
@@ -11,9 +11,9 @@ use crate::octree::lattice::SourceGrid;
 pub struct CountingResult {
     /// For every input.
     pub found: Vec<FileStatistics>,
-    pub census: Census,
+    pub census: CountingGrid,
     /// The part of the cloud that goes into the octree.
-    pub region: Region,
+    pub region: InlierRegion,
     /// Where headers were not believed.
     pub repairs: Vec<String>,
     pub notes: Vec<String>,

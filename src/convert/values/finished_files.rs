@@ -10,7 +10,7 @@ use crate::platform::disk::DiskFile;
 
 /// What a file came to.
 #[derive(Debug)]
-pub struct Finished {
+pub struct FinishedFile {
     pub file: Arc<DiskFile>,
     pub nodes: Vec<NodeEntry>,
     /// Where its points end.
@@ -18,10 +18,10 @@ pub struct Finished {
 }
 
 /// What the files consist of.
-pub struct Octree<'a> {
+pub struct OctreeContents<'a> {
     pub survey: &'a Survey,
     /// The files with their points.
-    pub files: &'a Each<Option<Finished>>,
+    pub files: &'a Each<Option<FinishedFile>>,
     pub statistics: &'a Statistics,
     /// Of the points in the COPC file.
     pub moments: &'a Moments,

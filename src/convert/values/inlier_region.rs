@@ -10,7 +10,7 @@ use crate::octree::record;
 
 /// Everywhere, until it is restricted.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Region {
+pub struct InlierRegion {
     /// One for each scale on which outliers were found.
     pub(in crate::convert) restrictions: Vec<Restriction>,
     /// Points outside.
@@ -39,7 +39,7 @@ impl Restriction {
     }
 }
 
-impl Region {
+impl InlierRegion {
     pub fn is_everywhere(&self) -> bool {
         self.restrictions.is_empty()
     }

@@ -4,12 +4,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::format::las::{LasFile, Slice};
 use crate::octree::lattice::Requantise;
-use crate::octree::record::Source;
+use crate::octree::record::RecordFormat;
 
 /// One input file that has points.
-pub struct Input {
+pub struct ConversionInput {
     pub las: LasFile,
-    pub source: Source,
+    pub source: RecordFormat,
     pub requantise: Requantise,
     /// Records of inputs that share this number can stand in one file.
     pub layout: usize,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::record_range::{ExcludedRange, Part};
+use super::record_range::{ExcludedRange, RunSegment};
 use crate::convert::error::{Result, StageError};
 use crate::platform::disk::DiskFile;
 
@@ -22,7 +22,7 @@ pub struct Run {
 /// All runs, and each chunk's parts in the order of the input.
 pub struct Runs {
     pub runs: Vec<Run>,
-    pub parts: Vec<Vec<Part>>,
+    pub parts: Vec<Vec<RunSegment>>,
     /// What lies outside the survey's region.
     pub outliers: Vec<ExcludedRange>,
     /// The scratch file of runs, out of core.
@@ -32,7 +32,12 @@ pub struct Runs {
 impl Runs {
     /// The raw records of a part, of so many bytes each: where they lie, or in
     /// `buffer`.
-    pub fn records<'a>(&'a self, part: Part, length: usize, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
+    pub fn records<'a>(
+        &'a self,
+        part: RunSegment,
+        length: usize,
+        buffer: &'a mut Vec<u8>,
+    ) -> Result<&'a [u8]> {
         let (from, bytes) = (part.first as usize * length, part.points as usize * length);
         match (&self.runs[part.run as usize].place, &self.file) {
             (RunStorage::Memory(records), _) => Ok(&records[from..from + bytes]),

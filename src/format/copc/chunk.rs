@@ -1,8 +1,8 @@
 //! Records of a node to the bytes of one LAZ chunk and back.
 
-use super::{CopcError, Layout};
+use super::{CopcError, RecordLayout};
 use crate::format::las::record_length;
-use crate::format::laz::{Decoder, Encoder, Shape};
+use crate::format::laz::{Decoder, Encoder, RecordShape};
 
 /// The version of LAZ's items that we write; 4 is for what LASzip 3.5 writes and others
 /// do not read yet.
@@ -16,9 +16,9 @@ pub struct ChunkEncoder {
 }
 
 impl ChunkEncoder {
-    pub fn new(layout: &Layout) -> Result<ChunkEncoder, CopcError> {
+    pub fn new(layout: &RecordLayout) -> Result<ChunkEncoder, CopcError> {
         let (format, extra) = (layout.point_format(), layout.extra_bytes());
-        let encoder = Shape::new(format, extra, ITEM_VERSION).and_then(Encoder::new);
+        let encoder = RecordShape::new(format, extra, ITEM_VERSION).and_then(Encoder::new);
         let encoder = encoder.ok_or_else(|| {
             CopcError::Unholdable(format!("it has no point format {format}, only 6, 7 and 8"))
         })?;
@@ -45,17 +45,17 @@ impl ChunkEncoder {
 
 /// Decodes nodes, one after the other.
 #[derive(Debug)]
-pub struct ChunkDecoder {
+pub struct NodeDecoder {
     decoder: Decoder,
     record_length: usize,
 }
 
-impl ChunkDecoder {
+impl NodeDecoder {
     /// Of point format 6 to 8, with so many extra bytes; nothing for what is none of COPC.
-    pub fn new(point_format: u8, extra: usize, version: u16) -> Option<ChunkDecoder> {
-        let shape = Shape::new(point_format, extra, version).filter(|_| point_format >= 6)?;
+    pub fn new(point_format: u8, extra: usize, version: u16) -> Option<NodeDecoder> {
+        let shape = RecordShape::new(point_format, extra, version).filter(|_| point_format >= 6)?;
         let record_length = record_length(point_format)? + extra;
-        Some(ChunkDecoder { decoder: Decoder::new(shape), record_length })
+        Some(NodeDecoder { decoder: Decoder::new(shape), record_length })
     }
 
     /// LAS records of a whole chunk; what was in `records` is replaced.
@@ -85,7 +85,8 @@ mod tests {
     fn chunks_come_back_and_damage_is_an_error() {
         let attributes = [("position", Scalar::I32, 3), ("rgb", Scalar::U16, 3), ("a", Scalar::F32, 1)];
         let attributes = attributes.map(|(name, scalar, elements)| Attribute::new(name, scalar, elements));
-        let layout = Layout::new(&Schema { attributes: attributes.to_vec() }, &Described::default()).unwrap();
+        let layout =
+            RecordLayout::new(&Schema { attributes: attributes.to_vec() }, &Described::default()).unwrap();
         let octree: Vec<u8> = (0..22 * 500u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let (mut las, mut chunk) = (Vec::new(), vec![7]);
         layout.promote(&octree, &mut las);
@@ -93,13 +94,13 @@ mod tests {
         encoder.encode(&las, &mut chunk).unwrap();
         encoder.encode(&[], &mut chunk).unwrap();
         assert!(encoder.encode(&las[1..], &mut chunk).is_err());
-        let mut decoder = ChunkDecoder::new(7, 4, ITEM_VERSION).unwrap();
+        let mut decoder = NodeDecoder::new(7, 4, ITEM_VERSION).unwrap();
         let mut decoded = Vec::new();
         decoder.decode(&chunk[1..], 500, &mut decoded).unwrap();
         assert_eq!(decoded, las);
         assert!(decoder.decode(&chunk[1..], 499, &mut decoded).is_err());
         assert!(decoder.decode(&chunk[1..chunk.len() - 1], 500, &mut decoded).is_err());
         assert!(decoder.decode(&chunk[1..], u64::MAX, &mut decoded).is_err());
-        assert!(ChunkDecoder::new(3, 0, 2).is_none());
+        assert!(NodeDecoder::new(3, 0, 2).is_none());
     }
 }

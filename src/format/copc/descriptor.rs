@@ -54,14 +54,14 @@ impl Described {
 
 /// One description and which element of which attribute it is of.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct DescribedElement {
     pub bytes: Vec<u8>,
     /// The attribute's place in the schema.
     pub attribute: usize,
     pub element: usize,
 }
 
-impl Field {
+impl DescribedElement {
     pub fn name(&self) -> String {
         crate::format::las::field_text(&self.bytes[NAME])
     }
@@ -102,7 +102,7 @@ pub fn fields(
     index: usize,
     described: &Described,
     taken: &mut Vec<String>,
-) -> Vec<Field> {
+) -> Vec<DescribedElement> {
     let given = described.0.get(&attribute.name).filter(|bytes| fits(bytes, attribute));
     let mut fields = Vec::new();
     let is_raw = match given {
@@ -121,7 +121,7 @@ pub fn fields(
             (bytes[TYPE], bytes[OPTIONS]) = (0, part as u8);
             let name = unique(&name(&bytes, attribute), "", taken);
             put_text(&mut bytes[NAME], &name);
-            fields.push(Field { bytes, attribute: index, element: attribute.elements - left });
+            fields.push(DescribedElement { bytes, attribute: index, element: attribute.elements - left });
             left -= part;
         }
         return fields;
@@ -135,7 +135,7 @@ pub fn fields(
         let number = if attribute.elements > 1 { element.to_string() } else { String::new() };
         let name = unique(&name(&bytes, attribute), &number, taken);
         put_text(&mut bytes[NAME], &name);
-        fields.push(Field { bytes, attribute: index, element });
+        fields.push(DescribedElement { bytes, attribute: index, element });
     }
     fields
 }
@@ -239,8 +239,8 @@ fn type_of(scalar: Scalar) -> u8 {
 mod tests {
     use super::*;
 
-    fn names(fields: &[Field]) -> Vec<String> {
-        fields.iter().map(Field::name).collect()
+    fn names(fields: &[DescribedElement]) -> Vec<String> {
+        fields.iter().map(DescribedElement::name).collect()
     }
 
     #[test]
@@ -301,7 +301,7 @@ mod tests {
 
     #[test]
     fn ranges_are_told_where_the_input_told_them() {
-        let mut field = Field { bytes: vec![0; DESCRIPTOR], attribute: 0, element: 0 };
+        let mut field = DescribedElement { bytes: vec![0; DESCRIPTOR], attribute: 0, element: 0 };
         (field.bytes[TYPE], field.bytes[OPTIONS]) = (6, HAS_MAX);
         field.set_range(Scalar::I32, -5.0, 7.0);
         assert_eq!(field.bytes[MIN..MIN + 8], [0; 8]);

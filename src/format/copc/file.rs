@@ -8,9 +8,9 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::descriptor::Field;
-use super::hierarchy::{self, Entry, name};
-use super::{CopcError, Layout, statistics};
+use super::descriptor::DescribedElement;
+use super::hierarchy::{self, CopcEntry, name};
+use super::{CopcError, RecordLayout, statistics};
 use crate::format::las::{Created, chunk_table, laszip_record};
 use crate::octree::attribute::Attribute;
 use crate::octree::cube::Cube;
@@ -42,7 +42,7 @@ pub const SCHEMA_ID: u16 = 1;
 /// What the record says: the attributes of the octree, and the names of the fields of extra
 /// bytes. If those are not the file's, another program has passed the record on.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Told<'a> {
+pub struct RecordedAttributes<'a> {
     pub attributes: Cow<'a, [Attribute]>,
     pub fields: Vec<String>,
 }
@@ -84,7 +84,7 @@ pub struct Record {
 /// What is known of a file before its first point is written.
 #[derive(Debug, Clone)]
 pub struct Head {
-    pub layout: Layout,
+    pub layout: RecordLayout,
     /// World = integer × scale + offset.
     pub scale: [f64; 3],
     pub offset: [f64; 3],
@@ -103,7 +103,7 @@ pub struct Head {
 
 /// What is known at the end. Bounds and times are of points that are there.
 #[derive(Debug, Clone)]
-pub struct Totals {
+pub struct FileTotals {
     pub points: u64,
     /// From return 1 on.
     pub by_return: [u64; 15],
@@ -123,7 +123,7 @@ pub struct Places {
     root_size: u64,
     extended_at: u64,
     extended: u32,
-    fields: Vec<Field>,
+    fields: Vec<DescribedElement>,
 }
 
 /// The bytes behind the last chunk.
@@ -152,7 +152,7 @@ impl Head {
     ///
     /// # Errors
     /// Where the records do not fit.
-    pub fn bytes(&self, totals: &Totals) -> Result<Vec<u8>, CopcError> {
+    pub fn bytes(&self, totals: &FileTotals) -> Result<Vec<u8>, CopcError> {
         let places = &totals.tail;
         let records = self.records(&self.info(totals), &places.fields)?;
         let mut bytes = Vec::with_capacity(HEADER + records.bytes.len() + 8);
@@ -162,7 +162,7 @@ impl Head {
         Ok(bytes)
     }
 
-    fn info(&self, totals: &Totals) -> [u8; INFO] {
+    fn info(&self, totals: &FileTotals) -> [u8; INFO] {
         let (places, CopcCube { center: [x, y, z], halfsize }) = (&totals.tail, self.cube);
         let (first, last) = totals.time.unwrap_or((0.0, 0.0));
         let floats = [x, y, z, halfsize, self.cube.spacing()].map(f64::to_le_bytes).concat();
@@ -174,8 +174,8 @@ impl Head {
         info
     }
 
-    fn records(&self, info: &[u8], fields: &[Field]) -> Result<Records, CopcError> {
-        let mut records = Records::default();
+    fn records(&self, info: &[u8], fields: &[DescribedElement]) -> Result<RecordBuffer, CopcError> {
+        let mut records = RecordBuffer::default();
         records.put("copc", 1, "COPC info", info)?;
         let extra = self.layout.extra_bytes() as u16;
         let laszip = laszip_record(self.layout.point_format(), extra).map_err(CopcError::Unholdable)?;
@@ -192,7 +192,7 @@ impl Head {
     }
 
     /// The records that are extended ones if they are too long.
-    fn own_records(&self, fields: &[Field]) -> Vec<(&'static str, u16, &'static str, Vec<u8>)> {
+    fn own_records(&self, fields: &[DescribedElement]) -> Vec<(&'static str, u16, &'static str, Vec<u8>)> {
         let mut records = Vec::new();
         if !fields.is_empty() {
             let data = fields.iter().flat_map(|field| field.bytes.iter().copied()).collect();
@@ -201,9 +201,9 @@ impl Head {
         if let Some(wkt) = &self.wkt {
             records.push(("LASF_Projection", 2112, "CRS", wkt.bytes().chain([0]).collect()));
         }
-        let told = Told {
+        let told = RecordedAttributes {
             attributes: Cow::Borrowed(&self.layout.schema().attributes),
-            fields: fields.iter().map(Field::name).collect(),
+            fields: fields.iter().map(DescribedElement::name).collect(),
         };
         // JSON of plain values cannot fail.
         let schema = serde_json::to_vec(&told).unwrap_or_default();
@@ -211,7 +211,7 @@ impl Head {
         records
     }
 
-    fn put_header(&self, bytes: &mut Vec<u8>, totals: &Totals, records: &Records) {
+    fn put_header(&self, bytes: &mut Vec<u8>, totals: &FileTotals, records: &RecordBuffer) {
         let (places, layout) = (&totals.tail, &self.layout);
         let points_at = (HEADER + records.bytes.len()) as u32;
         let created = self.created.unwrap_or(Created { year: 0, day: 0 });
@@ -259,11 +259,11 @@ impl Head {
 pub fn tail(
     head: &Head,
     points_end: u64,
-    entries: &[Entry],
+    entries: &[CopcEntry],
     statistics: &Statistics,
     moments: &Moments,
 ) -> Result<Tail, CopcError> {
-    let chunks: Vec<&Entry> = entries.iter().filter(|entry| entry.points > 0).collect();
+    let chunks: Vec<&CopcEntry> = entries.iter().filter(|entry| entry.points > 0).collect();
     let mut at = head.bytes_before_points()?;
     for entry in &chunks {
         if entry.offset != at {
@@ -298,7 +298,7 @@ pub fn tail(
 }
 
 /// The descriptions of extra bytes with the smallest and largest values that are there.
-fn ranged(head: &Head, statistics: &Statistics) -> Vec<Field> {
+fn ranged(head: &Head, statistics: &Statistics) -> Vec<DescribedElement> {
     let mut fields = head.layout.fields().to_vec();
     for field in &mut fields {
         let scalar = head.layout.schema().attributes[field.attribute].scalar;
@@ -312,12 +312,12 @@ fn ranged(head: &Head, statistics: &Statistics) -> Vec<Field> {
 
 /// Records one behind the other.
 #[derive(Default)]
-struct Records {
+struct RecordBuffer {
     bytes: Vec<u8>,
     count: u32,
 }
 
-impl Records {
+impl RecordBuffer {
     fn put(&mut self, user: &str, id: u16, description: &str, data: &[u8]) -> Result<(), CopcError> {
         let length = u16::try_from(data.len()).map_err(|_| {
             CopcError::Unholdable(format!("the record \"{user}\" {id} of {} bytes is too long", data.len()))

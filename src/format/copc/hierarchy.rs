@@ -23,7 +23,7 @@ const MAX_ODDITIES: usize = 100;
 
 /// A node with where its chunk lies in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry {
+pub struct CopcEntry {
     pub key: NodeKey,
     /// From the start of the file; 0 if it has no points.
     pub offset: u64,
@@ -41,14 +41,14 @@ pub struct Pages {
     pub root_size: u64,
 }
 
-struct Page {
+struct HierarchyPage {
     entries: Vec<NodeKey>,
     /// The roots of pages below this one; each has an entry in it.
     children: Vec<NodeKey>,
     offset: u64,
 }
 
-impl Page {
+impl HierarchyPage {
     fn size(&self) -> u64 {
         ((self.entries.len() + self.children.len()) * ENTRY) as u64
     }
@@ -56,13 +56,13 @@ impl Page {
 
 /// Writes the entries, in whatever order they come, as pages that begin at `at` in the
 /// file. Missing ancestors get entries without points.
-pub fn pages(entries: &[Entry], at: u64) -> Pages {
-    let mut nodes: HashMap<NodeKey, Entry> = entries.iter().map(|entry| (entry.key, *entry)).collect();
+pub fn pages(entries: &[CopcEntry], at: u64) -> Pages {
+    let mut nodes: HashMap<NodeKey, CopcEntry> = entries.iter().map(|entry| (entry.key, *entry)).collect();
     for entry in entries.iter().map(|entry| entry.key).chain([NodeKey::ROOT]) {
         let mut next = Some(entry);
         while let Some(key) = next {
             let known = nodes.contains_key(&key);
-            nodes.entry(key).or_insert(Entry { key, offset: 0, size: 0, points: 0 });
+            nodes.entry(key).or_insert(CopcEntry { key, offset: 0, size: 0, points: 0 });
             next = if known && key != entry { None } else { key.parent() };
         }
     }
@@ -76,7 +76,7 @@ pub fn pages(entries: &[Entry], at: u64) -> Pages {
             *below.entry(parent).or_default() += count;
         }
     }
-    let (mut pages, mut offset): (Vec<Page>, u64) = (Vec::new(), at);
+    let (mut pages, mut offset): (Vec<HierarchyPage>, u64) = (Vec::new(), at);
     let mut waiting = VecDeque::from([NodeKey::ROOT]);
     while let Some(root) = waiting.pop_front() {
         let mut page = divide(root, &below);
@@ -102,12 +102,12 @@ pub fn pages(entries: &[Entry], at: u64) -> Pages {
 }
 
 /// The page of a root: the whole subtree if it is small, else its upper levels.
-fn divide(root: NodeKey, below: &HashMap<NodeKey, u64>) -> Page {
+fn divide(root: NodeKey, below: &HashMap<NodeKey, u64>) -> HierarchyPage {
     let children =
         |key: NodeKey| (0..8).map(move |index| key.child(index)).filter(|key| below.contains_key(key));
     let subtree = |key: &NodeKey| below.get(key).copied().unwrap_or(0);
     let is_whole = subtree(&root) <= MAX_WHOLE;
-    let mut page = Page { entries: vec![root], children: Vec::new(), offset: 0 };
+    let mut page = HierarchyPage { entries: vec![root], children: Vec::new(), offset: 0 };
     let mut level = vec![root];
     while !level.is_empty() {
         level = level.into_iter().flat_map(children).collect();
@@ -142,7 +142,7 @@ fn put(bytes: &mut Vec<u8>, key: NodeKey, offset: u64, size: i32, points: i32) {
 
 /// What is odd about a hierarchy.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Oddity {
+pub struct CopcWarning {
     /// Against the specification, or only against what some reader asks for.
     pub is_wrong: bool,
     pub text: String,
@@ -150,26 +150,26 @@ pub struct Oddity {
 
 /// A hierarchy that was read.
 #[derive(Debug, Default)]
-pub struct Hierarchy {
+pub struct CopcHierarchy {
     /// Coarse nodes before fine ones, those of a level by their coordinates.
-    pub nodes: Vec<Entry>,
+    pub nodes: Vec<CopcEntry>,
     /// Offset and bytes of every page, as they were met.
     pub pages: Vec<(u64, u64)>,
     /// At most a hundred of them.
-    pub oddities: Vec<Oddity>,
+    pub oddities: Vec<CopcWarning>,
 }
 
-impl Hierarchy {
+impl CopcHierarchy {
     fn odd(&mut self, is_wrong: bool, text: impl FnOnce() -> String) {
         if self.oddities.len() < MAX_ODDITIES {
-            self.oddities.push(Oddity { is_wrong, text: text() });
+            self.oddities.push(CopcWarning { is_wrong, text: text() });
         }
     }
 }
 
 /// Where a hierarchy lies and how much of it is read.
 #[derive(Debug, Clone, Copy)]
-pub struct Bounds {
+pub struct HierarchyLimits {
     /// The root page.
     pub root: (u64, u64),
     /// The bytes in which chunks lie.
@@ -186,11 +186,11 @@ pub struct Bounds {
 /// # Errors
 /// Where a page cannot be read, or there are more nodes than were allowed.
 pub fn read<E: From<String>>(
-    bounds: &Bounds,
+    bounds: &HierarchyLimits,
     mut bytes: impl FnMut(u64, u64) -> Result<Vec<u8>, E>,
-) -> Result<Hierarchy, E> {
-    let mut hierarchy = Hierarchy::default();
-    let mut found: HashMap<NodeKey, Entry> = HashMap::new();
+) -> Result<CopcHierarchy, E> {
+    let mut hierarchy = CopcHierarchy::default();
+    let mut found: HashMap<NodeKey, CopcEntry> = HashMap::new();
     let mut seen = HashSet::new();
     let mut room = bounds.end;
     let mut waiting = VecDeque::from([(NodeKey::ROOT, bounds.root.0, bounds.root.1)]);
@@ -219,7 +219,7 @@ pub fn read<E: From<String>>(
                 Ok((key, offset, size, -1)) => waiting.push_back((key, offset, u64::from(size))),
                 Ok((key, offset, size, points)) => {
                     repeats_root |= key == root;
-                    let entry = Entry { key, offset, size, points: points as u32 };
+                    let entry = CopcEntry { key, offset, size, points: points as u32 };
                     if let Some(text) = fault(&entry, bounds) {
                         hierarchy.odd(true, || text);
                         continue;
@@ -257,8 +257,9 @@ pub fn read<E: From<String>>(
 }
 
 /// No byte belongs to two chunks; of chunks that share some, the later ones are left out.
-fn overlaps(hierarchy: &mut Hierarchy) {
-    let mut chunks: Vec<Entry> = hierarchy.nodes.iter().copied().filter(|entry| entry.points > 0).collect();
+fn overlaps(hierarchy: &mut CopcHierarchy) {
+    let mut chunks: Vec<CopcEntry> =
+        hierarchy.nodes.iter().copied().filter(|entry| entry.points > 0).collect();
     chunks.sort_unstable_by_key(|entry| (entry.offset, entry.key.level, entry.key.at));
     let (mut end, mut dropped) = (0, HashSet::new());
     for entry in chunks {
@@ -273,8 +274,8 @@ fn overlaps(hierarchy: &mut Hierarchy) {
 }
 
 /// What is wrong with where a node's points are said to lie.
-fn fault(entry: &Entry, bounds: &Bounds) -> Option<String> {
-    let Entry { key, offset, size, points } = *entry;
+fn fault(entry: &CopcEntry, bounds: &HierarchyLimits) -> Option<String> {
+    let CopcEntry { key, offset, size, points } = *entry;
     if points == 0 {
         return None;
     }
@@ -324,15 +325,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const BOUNDS: Bounds =
-        Bounds { root: (0, 0), chunks: (1_000, 1_000_000_000), end: 1 << 40, max_nodes: 1 << 20 };
+    const BOUNDS: HierarchyLimits =
+        HierarchyLimits { root: (0, 0), chunks: (1_000, 1_000_000_000), end: 1 << 40, max_nodes: 1 << 20 };
 
-    fn entry(key: NodeKey, number: u64) -> Entry {
-        Entry { key, offset: 1_000 + number * 10, size: 10, points: 5 }
+    fn entry(key: NodeKey, number: u64) -> CopcEntry {
+        CopcEntry { key, offset: 1_000 + number * 10, size: 10, points: 5 }
     }
 
-    fn reread(bytes: &[u8], at: u64, root_size: u64, max_nodes: usize) -> Result<Hierarchy, String> {
-        let bounds = Bounds { root: (at, root_size), end: at + bytes.len() as u64, max_nodes, ..BOUNDS };
+    fn reread(bytes: &[u8], at: u64, root_size: u64, max_nodes: usize) -> Result<CopcHierarchy, String> {
+        let bounds =
+            HierarchyLimits { root: (at, root_size), end: at + bytes.len() as u64, max_nodes, ..BOUNDS };
         read(&bounds, |offset, size| {
             let start = offset.checked_sub(at).ok_or("in front of the pages")? as usize;
             Ok(bytes[start..start + size as usize].to_vec())
@@ -346,7 +348,7 @@ mod tests {
             paths in proptest::collection::hash_set(proptest::collection::vec(0u8..8, 0..7), 1..3000),
         ) {
             let keys = paths.iter().map(|path| path.iter().fold(NodeKey::ROOT, |key, index| key.child(*index)));
-            let entries: Vec<Entry> = keys.zip(0..).map(|(key, number)| entry(key, number)).collect();
+            let entries: Vec<CopcEntry> = keys.zip(0..).map(|(key, number)| entry(key, number)).collect();
             let pages = pages(&entries, 77);
             let read = reread(&pages.bytes, 77, pages.root_size, 1 << 20).unwrap();
             prop_assert_eq!(&read.oddities, &[]);
@@ -370,7 +372,7 @@ mod tests {
                 let key: NodeKey = keys[key];
             keys.extend((0..8).map(|index| key.child(index)));
             }
-            let entries: Vec<Entry> = keys.into_iter().zip(0..).map(|(key, number)| entry(key, number)).collect();
+            let entries: Vec<CopcEntry> = keys.into_iter().zip(0..).map(|(key, number)| entry(key, number)).collect();
             let mut pages = pages(&entries, 0);
             for (at, byte) in flips {
                 let at = at.index(pages.bytes.len());
@@ -393,7 +395,7 @@ mod tests {
             let key: NodeKey = keys[key];
             keys.extend((0..8).map(|index| key.child(index)));
         }
-        let entries: Vec<Entry> = keys.iter().zip(0..).map(|(key, number)| entry(*key, number)).collect();
+        let entries: Vec<CopcEntry> = keys.iter().zip(0..).map(|(key, number)| entry(*key, number)).collect();
         let pages = pages(&entries, 0);
         let read = reread(&pages.bytes, 0, pages.root_size, 1 << 20).unwrap();
         assert!(read.oddities.is_empty() && read.pages.len() > 10, "{}", read.pages.len());

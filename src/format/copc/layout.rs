@@ -6,7 +6,7 @@
 //! a table.
 
 use super::CopcError;
-use super::descriptor::{self, Described, Field};
+use super::descriptor::{self, Described, DescribedElement};
 use super::moves::Moves;
 use crate::format::las::record_length;
 use crate::octree::attribute::{Attribute, ExtraField, RGB, RGB_AVERAGE, RGB_ORIGINAL, Scalar, Schema};
@@ -21,32 +21,36 @@ pub const ANGLE_AT: usize = 18;
 
 /// How records of an octree are LAS records of one point format, and back.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
+pub struct RecordLayout {
     schema: Schema,
     point_format: u8,
     record_length: usize,
     /// The descriptions of the extra bytes, in their order.
-    fields: Vec<Field>,
+    fields: Vec<DescribedElement>,
     moves: Moves,
 }
 
-impl Layout {
+impl RecordLayout {
     /// As a file of COPC has them: point format 8 if there is infrared, 7 if there are
     /// colors, else 6. Fails if a record is too long.
-    pub fn new(schema: &Schema, described: &Described) -> Result<Layout, CopcError> {
+    pub fn new(schema: &Schema, described: &Described) -> Result<RecordLayout, CopcError> {
         let has = |name: &str, scalar, elements| has(schema, name, scalar, elements);
         let format = match (has("nir", Scalar::U16, 1), has(RGB, Scalar::U16, 3)) {
             (true, _) => 8,
             (_, true) => 7,
             _ => 6,
         };
-        Layout::of_format(schema, described, format)
+        RecordLayout::of_format(schema, described, format)
     }
 
     /// As a LAS file has them: the least point format with a field for every standard
     /// attribute. The formats 0 to 5 only where `fit_legacy` says that all values fit their
     /// narrower fields.
-    pub fn of_las(schema: &Schema, described: &Described, fit_legacy: bool) -> Result<Layout, CopcError> {
+    pub fn of_las(
+        schema: &Schema,
+        described: &Described,
+        fit_legacy: bool,
+    ) -> Result<RecordLayout, CopcError> {
         let has = |name: &str, scalar, elements| has(schema, name, scalar, elements);
         let (time, color) = (has("gps-time", Scalar::F64, 1), has(RGB, Scalar::U16, 3));
         let infrared = has("nir", Scalar::U16, 1);
@@ -63,11 +67,11 @@ impl Layout {
             (false, false) if infrared => 8,
             (false, false) => 6 + u8::from(color),
         };
-        Layout::of_format(schema, described, format)
+        RecordLayout::of_format(schema, described, format)
     }
 
     /// As records of this point format, 0 to 10.
-    pub fn of_format(schema: &Schema, described: &Described, format: u8) -> Result<Layout, CopcError> {
+    pub fn of_format(schema: &Schema, described: &Described, format: u8) -> Result<RecordLayout, CopcError> {
         let refuse = |what: String| Err(CopcError::Unholdable(what));
         let Some(standard_length) = record_length(format) else {
             return refuse(format!("there is no point format {format}"));
@@ -121,7 +125,7 @@ impl Layout {
             return refuse(format!("records of {to} bytes; LAS has room for {}", u16::MAX));
         }
         moves.finish(to);
-        Ok(Layout { schema: schema.clone(), point_format: format, record_length: to, fields, moves })
+        Ok(RecordLayout { schema: schema.clone(), point_format: format, record_length: to, fields, moves })
     }
 
     pub fn schema(&self) -> &Schema {
@@ -143,7 +147,7 @@ impl Layout {
     }
 
     /// The descriptions of the extra bytes.
-    pub fn fields(&self) -> &[Field] {
+    pub fn fields(&self) -> &[DescribedElement] {
         &self.fields
     }
 
@@ -184,7 +188,7 @@ impl Layout {
         self.moves.promote(octree, records);
     }
 
-    /// The octree's records from LAS records: the inverse of [`Layout::promote`].
+    /// The octree's records from LAS records: the inverse of [`RecordLayout::promote`].
     pub fn demote(&self, records: &[u8], octree: &mut Vec<u8>) {
         self.moves.demote(records, octree);
     }
@@ -223,13 +227,13 @@ fn is_ours(attribute: &Attribute) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::octree::record::{Source, Unified};
+    use crate::octree::record::{RecordFormat, UnifiedSchema};
     use proptest::prelude::*;
 
-    fn source(format: u8, extra: Vec<ExtraField>) -> Source {
+    fn source(format: u8, extra: Vec<ExtraField>) -> RecordFormat {
         let length = record_length(format).unwrap()
             + extra.iter().map(|e| e.scalar.size() * e.elements).sum::<usize>();
-        Source { format, record_length: length, extra }
+        RecordFormat { format, record_length: length, extra }
     }
 
     fn extra(format: u8) -> Vec<ExtraField> {
@@ -252,7 +256,7 @@ mod tests {
             .collect()
     }
 
-    fn octree_records(unified: &Unified, source: usize, raw: &[u8], length: usize) -> Vec<u8> {
+    fn octree_records(unified: &UnifiedSchema, source: usize, raw: &[u8], length: usize) -> Vec<u8> {
         let mut out = vec![0; raw.len() / length * unified.schema.record_size()];
         unified.mover(source).apply(raw, length, &mut out);
         for (record, raw) in out.chunks_exact_mut(unified.schema.record_size()).zip(raw.chunks_exact(length))
@@ -277,13 +281,13 @@ mod tests {
                 let ored = vec![0xff; source.record_length];
                 (source, ored)
             }).collect();
-            let unified = Unified::new(&sources, &[], Some(RGB_AVERAGE));
+            let unified = UnifiedSchema::new(&sources, &[], Some(RGB_AVERAGE));
             let none = Described::default();
             let mut layouts = vec![
-                Layout::new(&unified.schema, &none).unwrap(),
-                Layout::of_las(&unified.schema, &none, formats.iter().all(|f| *f < 6)).unwrap(),
+                RecordLayout::new(&unified.schema, &none).unwrap(),
+                RecordLayout::of_las(&unified.schema, &none, formats.iter().all(|f| *f < 6)).unwrap(),
             ];
-            layouts.push(Layout::of_format(&unified.schema, &none, 9).unwrap());
+            layouts.push(RecordLayout::of_format(&unified.schema, &none, 9).unwrap());
             for (index, (source, _)) in sources.iter().enumerate() {
                 let length = source.record_length;
                 let raw = &bytes[..bytes.len() / length * length];
@@ -305,8 +309,8 @@ mod tests {
             let source = source(format, extra(format));
             let length = source.record_length;
             let raw = &bytes[..bytes.len() / length * length];
-            let unified = Unified::new(&[(source, vec![0xff; length])], &[], None);
-            let layout = Layout::of_las(&unified.schema, &Described::default(), true).unwrap();
+            let unified = UnifiedSchema::new(&[(source, vec![0xff; length])], &[], None);
+            let layout = RecordLayout::of_las(&unified.schema, &Described::default(), true).unwrap();
             prop_assert_eq!(layout.point_format(), format);
             let mut las = Vec::new();
             layout.promote(&octree_records(&unified, 0, raw, length), &mut las);
@@ -315,10 +319,10 @@ mod tests {
         }
     }
 
-    fn copc_of(formats: &[u8]) -> Layout {
+    fn copc_of(formats: &[u8]) -> RecordLayout {
         let sources: Vec<_> =
             formats.iter().map(|f| (source(*f, vec![]), vec![0xff; record_length(*f).unwrap()])).collect();
-        Layout::new(&Unified::new(&sources, &[], None).schema, &Described::default()).unwrap()
+        RecordLayout::new(&UnifiedSchema::new(&sources, &[], None).schema, &Described::default()).unwrap()
     }
 
     #[test]
@@ -336,8 +340,8 @@ mod tests {
     #[test]
     fn classes_and_ranks_keep_their_values() {
         let sources = [(source(1, vec![]), vec![0xff; 28])];
-        let unified = Unified::new(&sources, &[], None);
-        let layout = Layout::new(&unified.schema, &Described::default()).unwrap();
+        let unified = UnifiedSchema::new(&sources, &[], None);
+        let layout = RecordLayout::new(&unified.schema, &Described::default()).unwrap();
         for rank in i8::MIN..=i8::MAX {
             let mut raw = [0; 28];
             (raw[14], raw[15], raw[16]) = (0b1101_0001, 0b0110_1100, rank as u8);
@@ -362,7 +366,7 @@ mod tests {
                 })
                 .to_vec(),
         };
-        let layout = Layout::of_format(&schema, &Described::default(), 0).unwrap();
+        let layout = RecordLayout::of_format(&schema, &Described::default(), 0).unwrap();
         let mut record = [0; 13];
         record[12] = 31;
         assert_eq!(layout.misfit(&record), None);
@@ -373,6 +377,6 @@ mod tests {
         );
         let mut wide = schema.clone();
         wide.attributes.push(Attribute::new("much", Scalar::U8, 65_530));
-        assert!(matches!(Layout::new(&wide, &Described::default()), Err(CopcError::Unholdable(_))));
+        assert!(matches!(RecordLayout::new(&wide, &Described::default()), Err(CopcError::Unholdable(_))));
     }
 }

@@ -18,11 +18,11 @@ mod statistics;
 /// How the name of a COPC file ends.
 pub const ENDING: &str = ".copc.laz";
 
-pub use chunk::{ChunkDecoder, ChunkEncoder};
+pub use chunk::{ChunkEncoder, NodeDecoder};
 pub use descriptor::Described;
-pub use file::{CopcCube, Head, Places, Record, Tail, Totals, tail};
-pub use hierarchy::Entry;
-pub use layout::Layout;
+pub use file::{CopcCube, FileTotals, Head, Places, Record, Tail, tail};
+pub use hierarchy::CopcEntry;
+pub use layout::RecordLayout;
 pub use reader::{CopcFile, NodeReader};
 pub use source::is_copc;
 

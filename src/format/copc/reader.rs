@@ -4,14 +4,14 @@
 use std::path::Path;
 
 use super::descriptor;
-use super::file::{CELLS, SCHEMA_ID, SCHEMA_USER, Told};
-use super::hierarchy::{self, Bounds, Entry, Hierarchy};
-use super::source::{ChunkTable, Front, Place, Source, data};
-use super::{ChunkDecoder, CopcCube, CopcError, Described, Layout};
+use super::file::{CELLS, RecordedAttributes, SCHEMA_ID, SCHEMA_USER};
+use super::hierarchy::{self, CopcEntry, CopcHierarchy, HierarchyLimits};
+use super::source::{ChunkTable, CopcHeader, CopcSource, RecordPlace, data};
+use super::{CopcCube, CopcError, Described, NodeDecoder, RecordLayout};
 use crate::format::las::{Header, LasFile};
 use crate::octree::attribute::{Attribute, Scalar, Schema};
 use crate::octree::node::NodeKey;
-use crate::octree::record::{self, Unified};
+use crate::octree::record::{self, UnifiedSchema};
 
 /// Bytes of memory for a node of the hierarchy while it is read.
 const BYTES_PER_NODE: u64 = 200;
@@ -23,25 +23,25 @@ const VERSIONS: [u16; 2] = [3, 4];
 /// A COPC file, open for reading by any number of threads.
 #[derive(Debug)]
 pub struct CopcFile {
-    source: Source,
-    pub front: Front,
+    source: CopcSource,
+    pub front: CopcHeader,
     /// What the file says of itself as LAS: CRS, extra bytes, software.
     pub header: Header,
-    pub records: Vec<Place>,
-    pub extended: Vec<Place>,
+    pub records: Vec<RecordPlace>,
+    pub extended: Vec<RecordPlace>,
     /// Where the chunk table begins; points and bytes of each chunk, or why there is none.
     pub chunk_table: ChunkTable,
-    pub hierarchy: Hierarchy,
+    pub hierarchy: CopcHierarchy,
     version: u16,
-    kind: Kind,
+    kind: RecordKind,
     max_node_bytes: u64,
 }
 
 /// How LAS records become records of the schema.
 #[derive(Debug)]
-enum Kind {
-    Own(Box<Layout>),
-    Other(Box<Unified>),
+enum RecordKind {
+    Own(Box<RecordLayout>),
+    Other(Box<UnifiedSchema>),
 }
 
 impl CopcFile {
@@ -51,8 +51,8 @@ impl CopcFile {
     /// # Errors
     /// Where it cannot be read, is no COPC, or is too damaged to have nodes.
     pub fn open(path: &Path, memory_limit: u64) -> Result<CopcFile, CopcError> {
-        let source = Source::open(path)?;
-        let front = Front::read(&source)?;
+        let source = CopcSource::open(path)?;
+        let front = CopcHeader::read(&source)?;
         let header = LasFile::open(path)?.header().clone();
         let (records, extended) = (front.plain_records(&source)?, front.extended_records(&source)?);
         let chunk_table = front.chunk_table(&source)?;
@@ -60,7 +60,7 @@ impl CopcFile {
             Ok(_) => chunk_table.0,
             Err(_) => source.bytes,
         };
-        let bounds = Bounds {
+        let bounds = HierarchyLimits {
             root: front.info.root,
             chunks: (front.points_at + 8, chunks_end),
             end: source.bytes,
@@ -73,14 +73,18 @@ impl CopcFile {
         })?;
         let version = version(&source, &records)?;
         let kind = match own_layout(&source, &front, &records, &extended)? {
-            Some(layout) => Kind::Own(Box::new(layout)),
+            Some(layout) => RecordKind::Own(Box::new(layout)),
             None => {
-                let las = record::Source {
+                let las = record::RecordFormat {
                     format: front.format(),
                     record_length: front.record_length,
                     extra: header.extra.clone(),
                 };
-                Kind::Other(Box::new(Unified::new(&[(las, vec![0xff; front.record_length])], &[], None)))
+                RecordKind::Other(Box::new(UnifiedSchema::new(
+                    &[(las, vec![0xff; front.record_length])],
+                    &[],
+                    None,
+                )))
             }
         };
         let max_node_bytes = MAX_NODE_BYTES.min((memory_limit / 2).max(64 << 20));
@@ -110,14 +114,14 @@ impl CopcFile {
     /// The attributes of the records that [`NodeReader::read`] gives.
     pub fn schema(&self) -> &Schema {
         match &self.kind {
-            Kind::Own(layout) => layout.schema(),
-            Kind::Other(unified) => &unified.schema,
+            RecordKind::Own(layout) => layout.schema(),
+            RecordKind::Other(unified) => &unified.schema,
         }
     }
 
     /// Whether the octree's attributes come back as they were, since the file is ours.
     pub fn is_own(&self) -> bool {
-        matches!(self.kind, Kind::Own(_))
+        matches!(self.kind, RecordKind::Own(_))
     }
 
     pub fn cube(&self) -> CopcCube {
@@ -133,18 +137,18 @@ impl CopcFile {
     }
 
     /// Coarse nodes before fine ones; those without points are among them.
-    pub fn nodes(&self) -> &[Entry] {
+    pub fn nodes(&self) -> &[CopcEntry] {
         &self.hierarchy.nodes
     }
 
-    pub fn node(&self, key: NodeKey) -> Option<&Entry> {
+    pub fn node(&self, key: NodeKey) -> Option<&CopcEntry> {
         let nodes = self.nodes();
         let found = nodes.binary_search_by_key(&(key.level, key.at), |entry| (entry.key.level, entry.key.at));
         found.ok().map(|index| &nodes[index])
     }
 
     /// The node of a level in a cell, as octrees' names give it.
-    pub fn node_at(&self, level: u8, cell: [u64; 3]) -> Option<&Entry> {
+    pub fn node_at(&self, level: u8, cell: [u64; 3]) -> Option<&CopcEntry> {
         self.node(NodeKey { level, at: cell.map(|c| c as u32) })
     }
 
@@ -166,7 +170,7 @@ impl CopcFile {
     pub fn reader(&self) -> Result<NodeReader<'_>, CopcError> {
         let format = self.front.format();
         let extra = self.front.record_length - crate::format::las::record_length(format).unwrap_or(0);
-        let decoder = ChunkDecoder::new(format, extra, self.version).ok_or_else(|| {
+        let decoder = NodeDecoder::new(format, extra, self.version).ok_or_else(|| {
             self.source.damaged(format!("version {} of its LAZ compression is not known", self.version))
         })?;
         Ok(NodeReader { file: self, decoder, las: Vec::new() })
@@ -189,7 +193,7 @@ impl From<String> for Failed {
 #[derive(Debug)]
 pub struct NodeReader<'a> {
     file: &'a CopcFile,
-    decoder: ChunkDecoder,
+    decoder: NodeDecoder,
     las: Vec<u8>,
 }
 
@@ -198,7 +202,7 @@ impl NodeReader<'_> {
     ///
     /// # Errors
     /// Where its chunk cannot be read, decoded, or held in memory.
-    pub fn read_las(&mut self, entry: &Entry) -> Result<&[u8], CopcError> {
+    pub fn read_las(&mut self, entry: &CopcEntry) -> Result<&[u8], CopcError> {
         let points = u64::from(entry.points);
         if points * self.file.front.record_length as u64 > self.file.max_node_bytes {
             let reason = format!("they do not fit {} bytes of memory", self.file.max_node_bytes);
@@ -217,7 +221,7 @@ impl NodeReader<'_> {
     ///
     /// # Errors
     /// As [`NodeReader::read_las`].
-    pub fn read(&mut self, entry: &Entry, records: &mut Vec<u8>) -> Result<(), CopcError> {
+    pub fn read(&mut self, entry: &CopcEntry, records: &mut Vec<u8>) -> Result<(), CopcError> {
         self.read_las(entry)?;
         self.file.convert(&self.las, records);
         Ok(())
@@ -228,8 +232,8 @@ impl CopcFile {
     /// Records of the schema from LAS records of this file.
     pub fn convert(&self, las: &[u8], records: &mut Vec<u8>) {
         let unified = match &self.kind {
-            Kind::Own(layout) => return layout.demote(las, records),
-            Kind::Other(unified) => unified,
+            RecordKind::Own(layout) => return layout.demote(las, records),
+            RecordKind::Other(unified) => unified,
         };
         let (length, size) = (self.front.record_length, unified.schema.record_size());
         records.clear();
@@ -242,7 +246,7 @@ impl CopcFile {
 }
 
 /// The version of the items that the LASzip record names first.
-fn version(source: &Source, records: &[Place]) -> Result<u16, CopcError> {
+fn version(source: &CopcSource, records: &[RecordPlace]) -> Result<u16, CopcError> {
     let record = data(source, records, "laszip encoded", 22204)?;
     // Behind 34 bytes: type, size and version of each item.
     let version = record.as_ref().and_then(|data| Some(u16::from_le_bytes([*data.get(38)?, *data.get(39)?])));
@@ -255,22 +259,22 @@ fn version(source: &Source, records: &[Place]) -> Result<u16, CopcError> {
 /// The layout that our own record tells, if the file is still what it was written as:
 /// another program may have passed the record on.
 fn own_layout(
-    source: &Source,
-    front: &Front,
-    records: &[Place],
-    extended: &[Place],
-) -> Result<Option<Layout>, CopcError> {
+    source: &CopcSource,
+    front: &CopcHeader,
+    records: &[RecordPlace],
+    extended: &[RecordPlace],
+) -> Result<Option<RecordLayout>, CopcError> {
     let find = |user: &str, id: u16| match data(source, records, user, id) {
         Ok(None) => data(source, extended, user, id),
         found => found,
     };
     let Some(json) = find(SCHEMA_USER, SCHEMA_ID)? else { return Ok(None) };
-    let Ok(told) = serde_json::from_slice::<Told>(&json) else { return Ok(None) };
+    let Ok(told) = serde_json::from_slice::<RecordedAttributes>(&json) else { return Ok(None) };
     let schema = Schema { attributes: told.attributes.into_owned() };
     if !is_sound(&schema) {
         return Ok(None);
     }
-    let Ok(layout) = Layout::of_format(&schema, &Described::default(), front.format()) else {
+    let Ok(layout) = RecordLayout::of_format(&schema, &Described::default(), front.format()) else {
         return Ok(None);
     };
     let described = find("LASF_Spec", 4)?.unwrap_or_default();

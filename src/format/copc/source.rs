@@ -20,17 +20,17 @@ const MAX_TABLE: u64 = 64 << 20;
 
 /// The file, open for positioned reads.
 #[derive(Debug)]
-pub struct Source {
+pub struct CopcSource {
     pub path: PathBuf,
     file: File,
     pub bytes: u64,
 }
 
-impl Source {
-    pub fn open(path: &Path) -> Result<Source, CopcError> {
+impl CopcSource {
+    pub fn open(path: &Path) -> Result<CopcSource, CopcError> {
         let read = |source| CopcError::Read { path: path.to_path_buf(), source };
         let (file, metadata) = open_file(path, Links::Followed).map_err(read)?;
-        Ok(Source { path: path.to_path_buf(), file, bytes: metadata.len() })
+        Ok(CopcSource { path: path.to_path_buf(), file, bytes: metadata.len() })
     }
 
     pub fn damaged(&self, reason: impl Into<String>) -> CopcError {
@@ -57,7 +57,7 @@ pub type ChunkTable = (u64, Result<Vec<(u64, u64)>, String>);
 
 /// The fields of the header and of COPC's own record.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Front {
+pub struct CopcHeader {
     pub version: (u8, u8),
     pub header_size: u64,
     pub global_encoding: u16,
@@ -96,7 +96,7 @@ pub struct Info {
 
 /// A record of the file, plain or extended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct RecordPlace {
     pub user: String,
     pub id: u16,
     /// Where its front begins.
@@ -107,7 +107,7 @@ pub struct Place {
     pub is_padded: bool,
 }
 
-impl Place {
+impl RecordPlace {
     pub fn is(&self, user: &str, id: u16) -> bool {
         self.id == id && self.user == user
     }
@@ -119,7 +119,7 @@ impl Place {
 
 /// Whether a file's first bytes are those of COPC: for choosing a reader.
 pub fn is_copc(path: &Path) -> bool {
-    let front = Source::open(path).and_then(|source| source.read(0, (HEADER + RECORD_FRONT) as u64));
+    let front = CopcSource::open(path).and_then(|source| source.read(0, (HEADER + RECORD_FRONT) as u64));
     front.is_ok_and(|bytes| {
         &bytes[..4] == b"LASF"
             && &bytes[HEADER + 2..HEADER + 7] == b"copc\0"
@@ -127,8 +127,8 @@ pub fn is_copc(path: &Path) -> bool {
     })
 }
 
-impl Front {
-    pub fn read(source: &Source) -> Result<Front, CopcError> {
+impl CopcHeader {
+    pub fn read(source: &CopcSource) -> Result<CopcHeader, CopcError> {
         if source.bytes < (HEADER + RECORD_FRONT + INFO) as u64 {
             return Err(source.damaged(format!("it has {} bytes, too few for any COPC", source.bytes)));
         }
@@ -154,7 +154,7 @@ impl Front {
         }
         let info = &info[RECORD_FRONT..];
         let float = |at: usize| f64::from_bits(u64_at(info, at));
-        let front = Front {
+        let front = CopcHeader {
             version,
             header_size,
             global_encoding: two(6),
@@ -186,7 +186,7 @@ impl Front {
     }
 
     /// What nothing can be made of without.
-    fn check(&self, source: &Source) -> Result<(), CopcError> {
+    fn check(&self, source: &CopcSource) -> Result<(), CopcError> {
         let format = self.format();
         if self.point_format & 0x80 == 0 || !(6..=8).contains(&format) {
             return Err(source
@@ -222,7 +222,7 @@ impl Front {
     }
 
     /// The records in front of the points; those that do not fit end them.
-    pub fn plain_records(&self, source: &Source) -> Result<Vec<Place>, CopcError> {
+    pub fn plain_records(&self, source: &CopcSource) -> Result<Vec<RecordPlace>, CopcError> {
         let (mut at, mut places) = (self.header_size, Vec::new());
         while places.len() < (self.records as usize).min(MAX_RECORDS)
             && at + RECORD_FRONT as u64 <= self.points_at
@@ -239,7 +239,7 @@ impl Front {
     }
 
     /// The extended records; those that do not fit end them.
-    pub fn extended_records(&self, source: &Source) -> Result<Vec<Place>, CopcError> {
+    pub fn extended_records(&self, source: &CopcSource) -> Result<Vec<RecordPlace>, CopcError> {
         let (mut at, mut places) = (self.extended_at, Vec::new());
         while places.len() < (self.extended as usize).min(MAX_RECORDS)
             && at.checked_add(EXTENDED_FRONT as u64).is_some_and(|end| end <= source.bytes)
@@ -259,7 +259,7 @@ impl Front {
 
     /// Where the chunk table begins, and points and bytes of each chunk; or why there is
     /// none. `chunks` is how many there can be.
-    pub fn chunk_table(&self, source: &Source) -> Result<ChunkTable, CopcError> {
+    pub fn chunk_table(&self, source: &CopcSource) -> Result<ChunkTable, CopcError> {
         let at = u64_at(&source.read(self.points_at, 8)?, 0);
         if at < self.points_at + 8 || at.checked_add(8).is_none_or(|end| end > source.bytes) {
             return Ok((at, Err(format!("its chunk table cannot be at byte {at}"))));
@@ -273,14 +273,19 @@ impl Front {
 }
 
 /// A record's data, if there is such a record and it is not too long to mean anything.
-pub fn data(source: &Source, places: &[Place], user: &str, id: u16) -> Result<Option<Vec<u8>>, CopcError> {
+pub fn data(
+    source: &CopcSource,
+    places: &[RecordPlace],
+    user: &str,
+    id: u16,
+) -> Result<Option<Vec<u8>>, CopcError> {
     let place = places.iter().find(|place| place.is(user, id) && place.length <= MAX_DATA);
     place.map(|place| source.read(place.data_at, place.length)).transpose()
 }
 
-fn place(front: &[u8], at: u64, length: u64, size: usize, description: usize) -> Place {
+fn place(front: &[u8], at: u64, length: u64, size: usize, description: usize) -> RecordPlace {
     let is_padded = |field: &[u8]| field.iter().skip_while(|byte| **byte != 0).all(|byte| *byte == 0);
-    Place {
+    RecordPlace {
         user: field_text(&front[2..18]),
         id: u16_at(front, 18),
         at,

@@ -15,7 +15,7 @@ use crate::octree::statistics::Statistics;
 const ANGLE_UNIT: f64 = 0.006;
 
 /// One element of an attribute under QGIS's name: what was stored × scale + offset.
-struct Column<'a> {
+struct StatisticsColumn<'a> {
     name: String,
     scale: f64,
     offset: f64,
@@ -26,7 +26,7 @@ struct Column<'a> {
     counts: Option<&'a [u64]>,
 }
 
-impl Column<'_> {
+impl StatisticsColumn<'_> {
     /// Keys as QGIS reads them; bounds that are no numbers have no place in JSON.
     fn json(&self) -> Value {
         let value = |stored: f64| stored * self.scale + self.offset;
@@ -96,7 +96,7 @@ pub fn json(
                 };
                 (min, max) = met().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
             }
-            let column = Column { name, scale, offset, min, max, moment, counts };
+            let column = StatisticsColumn { name, scale, offset, min, max, moment, counts };
             // Both kinds of angles are one to QGIS; the one that comes first is told.
             all.entry(column.name.clone()).or_insert_with(|| column.json());
         }

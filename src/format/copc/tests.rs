@@ -7,7 +7,7 @@ use crate::octree::cube::Cube;
 use crate::octree::lattice::{SourceGrid, choose};
 use crate::octree::moments::Moments;
 use crate::octree::node::NodeKey;
-use crate::octree::record::{self, Unified};
+use crate::octree::record::{self, UnifiedSchema};
 use crate::octree::statistics::Statistics;
 
 /// Points of a small file: enough for a root and its children.
@@ -17,7 +17,7 @@ const POINTS: u32 = 3_000;
 struct Made {
     path: PathBuf,
     nodes: Vec<(NodeKey, Vec<u8>)>,
-    layout: Layout,
+    layout: RecordLayout,
 }
 
 fn extra(format: u8) -> Vec<ExtraField> {
@@ -52,8 +52,8 @@ fn make(folder: &Path, format: u8, scale: [f64; 3]) -> Made {
             record[4 * axis..4 * axis + 4].copy_from_slice(&((random() % 1024) as i32 - 500).to_le_bytes());
         }
     }
-    let unified = Unified::new(
-        &[(record::Source { format, record_length: length, extra }, vec![0xff; length])],
+    let unified = UnifiedSchema::new(
+        &[(record::RecordFormat { format, record_length: length, extra }, vec![0xff; length])],
         &[],
         None,
     );
@@ -74,7 +74,7 @@ fn make(folder: &Path, format: u8, scale: [f64; 3]) -> Made {
         let child = 1 + (tree[0] << 2 | tree[1] << 1 | tree[2]) as usize;
         nodes[if number % 10 == 0 { 0 } else { child }].1.extend_from_slice(record);
     }
-    let layout = Layout::new(&unified.schema, &Described::default()).unwrap();
+    let layout = RecordLayout::new(&unified.schema, &Described::default()).unwrap();
     let head = Head {
         layout: layout.clone(),
         scale: lattice.scale,
@@ -101,7 +101,7 @@ fn make(folder: &Path, format: u8, scale: [f64; 3]) -> Made {
         let offset = file.len() as u64;
         encoder.encode(&las, &mut file).unwrap();
         let points = (records.len() / size) as u32;
-        entries.push(Entry { key: *key, offset, size: (file.len() as u64 - offset) as u32, points });
+        entries.push(CopcEntry { key: *key, offset, size: (file.len() as u64 - offset) as u32, points });
         for record in las.chunks_exact(layout.record_length()) {
             if let Some(count) = usize::from(record[14] & 15).checked_sub(1) {
                 by_return[count] += 1;
@@ -115,8 +115,14 @@ fn make(folder: &Path, format: u8, scale: [f64; 3]) -> Made {
     file.extend_from_slice(&tail.bytes);
     let bounds = |values: &[f64]| std::array::from_fn(|axis| head.world(axis, values[axis] as i32));
     let (min, max) = (bounds(&statistics.attributes[0].min), bounds(&statistics.attributes[0].max));
-    let totals =
-        Totals { points: u64::from(POINTS), by_return, min, max, time: Some((1.0, 2.0)), tail: tail.places };
+    let totals = FileTotals {
+        points: u64::from(POINTS),
+        by_return,
+        min,
+        max,
+        time: Some((1.0, 2.0)),
+        tail: tail.places,
+    };
     let front = head.bytes(&totals).unwrap();
     file[..front.len()].copy_from_slice(&front);
     let path = folder.join("a.copc.laz");

@@ -8,7 +8,7 @@ pub fn bare(name: &str) -> String {
 
 /// A projection of proj4.
 #[derive(Debug, Clone, Copy)]
-pub struct Method {
+pub struct ProjectionMethod {
     /// `+proj=` and what goes with it always.
     pub proj4: &'static str,
     /// What the parameter of the latitude of origin is in proj4: `lat_0`, or for
@@ -16,12 +16,12 @@ pub struct Method {
     pub latitude: &'static str,
 }
 
-const fn method(proj4: &'static str) -> Method {
-    Method { proj4, latitude: "lat_0" }
+const fn method(proj4: &'static str) -> ProjectionMethod {
+    ProjectionMethod { proj4, latitude: "lat_0" }
 }
 
 /// The method of this name.
-pub fn method_of(name: &str) -> Option<Method> {
+pub fn method_of(name: &str) -> Option<ProjectionMethod> {
     Some(match bare(name).as_str() {
         "transversemercator" | "gausskruger" => method("+proj=tmerc"),
         "transversemercatorsouthorientated" | "transversemercatorsouthoriented" => {
@@ -34,11 +34,11 @@ pub fn method_of(name: &str) -> Option<Method> {
         | "lambertconicconformal2sp" => method("+proj=lcc"),
         "albers" | "albersequalarea" | "albersconicequalarea" => method("+proj=aea"),
         "mercator" | "mercator1sp" | "mercator2sp" | "mercatorvarianta" | "mercatorvariantb" => {
-            Method { proj4: "+proj=merc", latitude: "" }
+            ProjectionMethod { proj4: "+proj=merc", latitude: "" }
         }
         "popularvisualisationpseudomercator" | "mercatorauxiliarysphere" => method(WEB_MERCATOR),
         "polarstereographic" | "polarstereographicvarianta" | "polarstereographicvariantb" => {
-            Method { proj4: "+proj=stere", latitude: "polar" }
+            ProjectionMethod { proj4: "+proj=stere", latitude: "polar" }
         }
         "stereographic" => method("+proj=stere"),
         "obliquestereographic" | "doublestereographic" => method("+proj=sterea"),
@@ -68,21 +68,21 @@ pub const WEB_MERCATOR: &str = "+proj=merc +a=6378137 +b=6378137 +nadgrids=@null
 
 /// What a parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ParameterKind {
     Angle,
     Length,
     Scale,
 }
 
 /// A parameter in proj4, without the plus.
-pub fn parameter_of(name: &str) -> Option<(&'static str, Kind)> {
+pub fn parameter_of(name: &str) -> Option<(&'static str, ParameterKind)> {
     Some(match bare(name).as_str() {
         "latitudeoforigin"
         | "latitudeofnaturalorigin"
         | "latitudeoffalseorigin"
         | "latitudeofcenter"
         | "latitudeofcentre"
-        | "latitudeofprojectioncentre" => ("lat_0", Kind::Angle),
+        | "latitudeofprojectioncentre" => ("lat_0", ParameterKind::Angle),
         "centralmeridian"
         | "longitudeoforigin"
         | "longitudeofnaturalorigin"
@@ -90,18 +90,22 @@ pub fn parameter_of(name: &str) -> Option<(&'static str, Kind)> {
         | "longitudeofcenter"
         | "longitudeofcentre"
         | "straightverticallongitudefrompole"
-        | "longitudeofprojectioncentre" => ("lon_0", Kind::Angle),
-        "standardparallel1" | "latitudeof1ststandardparallel" => ("lat_1", Kind::Angle),
-        "standardparallel2" | "latitudeof2ndstandardparallel" => ("lat_2", Kind::Angle),
-        "latitudeofstandardparallel" => ("lat_ts", Kind::Angle),
-        "azimuth" | "azimuthofinitialline" | "azimuthatprojectioncentre" => ("alpha", Kind::Angle),
-        "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" => ("gamma", Kind::Angle),
+        | "longitudeofprojectioncentre" => ("lon_0", ParameterKind::Angle),
+        "standardparallel1" | "latitudeof1ststandardparallel" => ("lat_1", ParameterKind::Angle),
+        "standardparallel2" | "latitudeof2ndstandardparallel" => ("lat_2", ParameterKind::Angle),
+        "latitudeofstandardparallel" => ("lat_ts", ParameterKind::Angle),
+        "azimuth" | "azimuthofinitialline" | "azimuthatprojectioncentre" => ("alpha", ParameterKind::Angle),
+        "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" => ("gamma", ParameterKind::Angle),
         "scalefactor"
         | "scalefactoratnaturalorigin"
         | "scalefactoroninitialline"
-        | "scalefactoratprojectioncentre" => ("k", Kind::Scale),
-        "falseeasting" | "eastingatfalseorigin" | "eastingatprojectioncentre" => ("x_0", Kind::Length),
-        "falsenorthing" | "northingatfalseorigin" | "northingatprojectioncentre" => ("y_0", Kind::Length),
+        | "scalefactoratprojectioncentre" => ("k", ParameterKind::Scale),
+        "falseeasting" | "eastingatfalseorigin" | "eastingatprojectioncentre" => {
+            ("x_0", ParameterKind::Length)
+        }
+        "falsenorthing" | "northingatfalseorigin" | "northingatprojectioncentre" => {
+            ("y_0", ParameterKind::Length)
+        }
         _ => return None,
     })
 }

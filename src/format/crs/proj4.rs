@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use super::epsg;
 use super::horizontal::{horizontal, is_geocentric};
-use super::methods::{self, Kind, Method};
-use super::wkt::{self, Node, Value};
+use super::methods::{self, ParameterKind, ProjectionMethod};
+use super::wkt::{self, WktNode, WktValue};
 
 /// Radians of a degree.
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -15,7 +15,7 @@ const FOOT: f64 = 0.3048;
 const SURVEY_FOOT: f64 = 1200.0 / 3937.0;
 
 /// The horizontal part of a system.
-pub fn of_wkt(root: &Node) -> Option<String> {
+pub fn of_wkt(root: &WktNode) -> Option<String> {
     let node = horizontal(root)?;
     let known = node.epsg().and_then(epsg::proj4).map(for_viewers);
     // A text may name a system and count in other units than that has.
@@ -39,7 +39,7 @@ fn is_close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-8 * b.abs()
 }
 
-fn projected(node: &Node) -> Option<String> {
+fn projected(node: &WktNode) -> Option<String> {
     let base = node.child(wkt::GEODETIC)?;
     let conversion = node.child(&["CONVERSION"]);
     let method_name = conversion.unwrap_or(node).child(wkt::METHOD)?.name();
@@ -55,9 +55,9 @@ fn projected(node: &Node) -> Option<String> {
         let value = parameter.numbers().next()?;
         let own = parameter.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]).and_then(factor);
         let value = match kind {
-            Kind::Angle => value * own.map_or_else(|| angular_unit(base), |own| own / DEGREE),
-            Kind::Length => value * own.unwrap_or(unit),
-            Kind::Scale => value,
+            ParameterKind::Angle => value * own.map_or_else(|| angular_unit(base), |own| own / DEGREE),
+            ParameterKind::Length => value * own.unwrap_or(unit),
+            ParameterKind::Scale => value,
         };
         values.push((name, value));
     }
@@ -70,7 +70,7 @@ fn projected(node: &Node) -> Option<String> {
 }
 
 /// Parameters whose meaning hangs on the method.
-fn renamed<'v>(values: &[(&'v str, f64)], method: Method, name: &str) -> Vec<(&'v str, f64)> {
+fn renamed<'v>(values: &[(&'v str, f64)], method: ProjectionMethod, name: &str) -> Vec<(&'v str, f64)> {
     let get = |wanted: &str| values.iter().find(|(name, _)| *name == wanted).map(|(_, value)| *value);
     let name = methods::bare(name);
     let mut values = values.to_vec();
@@ -132,34 +132,35 @@ fn rounded(value: f64) -> f64 {
 
 /// Has a projected system count in another unit: its lengths are converted, and it
 /// is no longer the one of its code. False where it counts in that already.
-pub fn count_in(node: &mut Node, name: &str, meters: f64) -> bool {
+pub fn count_in(node: &mut WktNode, name: &str, meters: f64) -> bool {
     let Some(now) = linear_unit(node).filter(|now| node.is(wkt::PROJECTED) && !is_close(*now, meters)) else {
         return false;
     };
-    let is_length = |n: &Node| methods::parameter_of(n.name()).is_some_and(|(_, kind)| kind == Kind::Length);
+    let is_length =
+        |n: &WktNode| methods::parameter_of(n.name()).is_some_and(|(_, kind)| kind == ParameterKind::Length);
     for value in &mut node.values {
-        let Value::Node(child) = value else { continue };
+        let WktValue::Node(child) = value else { continue };
         if child.is(&["UNIT"]) {
-            child.values = vec![Value::Text(name.to_string()), Value::Number(meters)];
+            child.values = vec![WktValue::Text(name.to_string()), WktValue::Number(meters)];
         } else if child.is(&["PARAMETER"]) && is_length(child) {
             for value in &mut child.values {
-                if let Value::Number(number) = value {
+                if let WktValue::Number(number) = value {
                     *number = *number * now / meters;
                 }
             }
         }
     }
-    node.values.retain(|value| !matches!(value, Value::Node(child) if child.is(wkt::CODE)));
+    node.values.retain(|value| !matches!(value, WktValue::Node(child) if child.is(wkt::CODE)));
     true
 }
 
 /// The factor of a unit, to meters or radians.
-fn factor(unit: &Node) -> Option<f64> {
+fn factor(unit: &WktNode) -> Option<f64> {
     unit.numbers().next().filter(|factor| *factor > 0.0)
 }
 
 /// Meters of the unit in which a system counts.
-fn linear_unit(node: &Node) -> Option<f64> {
+fn linear_unit(node: &WktNode) -> Option<f64> {
     let own = node.child(&["UNIT", "LENGTHUNIT"]);
     let of_axis =
         || node.children().filter(|n| n.is(&["AXIS"])).find_map(|axis| axis.child(&["LENGTHUNIT", "UNIT"]));
@@ -168,7 +169,7 @@ fn linear_unit(node: &Node) -> Option<f64> {
 
 /// Degrees of the unit of a geodetic system's angles. Writers name meters there;
 /// those mean degrees.
-fn angular_unit(base: &Node) -> f64 {
+fn angular_unit(base: &WktNode) -> f64 {
     let unit = base.child(&["UNIT", "ANGLEUNIT"]).filter(|unit| {
         let name = unit.name().to_ascii_lowercase();
         ["deg", "gra", "gon", "rad"].iter().any(|start| name.starts_with(start))
@@ -201,7 +202,7 @@ fn unit_of(proj4: &str) -> f64 {
 /// Ellipsoid, shift to WGS 84 and prime meridian of a geodetic system; nothing
 /// where an old ellipsoid comes without a shift, for that would be off by hundreds
 /// of meters.
-fn datum(base: &Node) -> Option<String> {
+fn datum(base: &WktNode) -> Option<String> {
     let datum = base.child(wkt::DATUM)?;
     let ellipsoid = datum.child(wkt::ELLIPSOID)?;
     let mut numbers = ellipsoid.numbers();
@@ -233,7 +234,7 @@ fn datum(base: &Node) -> Option<String> {
 
 /// The datum as the EPSG data set has it, by the system's code or the datum's name,
 /// if that knows a shift.
-fn known_datum(base: &Node, datum: &Node) -> Option<String> {
+fn known_datum(base: &WktNode, datum: &WktNode) -> Option<String> {
     let known = base.epsg().and_then(epsg::proj4).or_else(|| epsg::proj4_of_datum(datum.name()))?;
     let known = for_viewers(known);
     let is_datum = |token: &&str| {

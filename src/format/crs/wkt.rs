@@ -5,19 +5,19 @@ use std::fmt;
 
 /// A keyword and what stands in its brackets.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Node {
+pub struct WktNode {
     /// In capitals.
     pub keyword: String,
-    pub values: Vec<Value>,
+    pub values: Vec<WktValue>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum WktValue {
     Text(String),
     Number(f64),
     /// A bare word, such as EAST.
     Word(String),
-    Node(Node),
+    Node(WktNode),
 }
 
 /// The keywords of both versions for the kinds that matter here.
@@ -33,26 +33,26 @@ pub const CODE: &[&str] = &["AUTHORITY", "ID"];
 /// Brackets within brackets; real texts have eight.
 const MOST_DEPTH: usize = 32;
 
-impl Node {
+impl WktNode {
     pub fn is(&self, keywords: &[&str]) -> bool {
         keywords.contains(&self.keyword.as_str())
     }
 
-    pub fn children(&self) -> impl Iterator<Item = &Node> {
+    pub fn children(&self) -> impl Iterator<Item = &WktNode> {
         self.values.iter().filter_map(|value| match value {
-            Value::Node(node) => Some(node),
+            WktValue::Node(node) => Some(node),
             _ => None,
         })
     }
 
-    pub fn child(&self, keywords: &[&str]) -> Option<&Node> {
+    pub fn child(&self, keywords: &[&str]) -> Option<&WktNode> {
         self.children().find(|node| node.is(keywords))
     }
 
     /// The first text in the brackets.
     pub fn name(&self) -> &str {
         let text = self.values.iter().find_map(|value| match value {
-            Value::Text(text) => Some(text.as_str()),
+            WktValue::Text(text) => Some(text.as_str()),
             _ => None,
         });
         text.unwrap_or_default()
@@ -60,14 +60,14 @@ impl Node {
 
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         self.values.iter().filter_map(|value| match value {
-            Value::Number(number) => Some(*number),
+            WktValue::Number(number) => Some(*number),
             _ => None,
         })
     }
 
     pub fn words(&self) -> impl Iterator<Item = &str> {
         self.values.iter().filter_map(|value| match value {
-            Value::Word(word) => Some(word.as_str()),
+            WktValue::Word(word) => Some(word.as_str()),
             _ => None,
         })
     }
@@ -76,24 +76,24 @@ impl Node {
     pub fn epsg(&self) -> Option<u16> {
         let code = self.child(CODE).filter(|code| code.name().eq_ignore_ascii_case("EPSG"))?;
         code.values.iter().skip(1).find_map(|value| match value {
-            Value::Number(number) => Some(*number as u16),
-            Value::Text(text) => text.trim().parse().ok(),
+            WktValue::Number(number) => Some(*number as u16),
+            WktValue::Text(text) => text.trim().parse().ok(),
             _ => None,
         })
     }
 }
 
-impl fmt::Display for Node {
+impl fmt::Display for WktNode {
     /// As WKT, in one line.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "{}[", self.keyword)?;
         for (number, value) in self.values.iter().enumerate() {
             f.write_str(if number == 0 { "" } else { "," })?;
             match value {
-                Value::Text(text) => write!(f, "\"{}\"", text.replace('"', "\"\""))?,
-                Value::Number(number) => write!(f, "{number}")?,
-                Value::Word(word) => f.write_str(word)?,
-                Value::Node(node) => node.fmt(f)?,
+                WktValue::Text(text) => write!(f, "\"{}\"", text.replace('"', "\"\""))?,
+                WktValue::Number(number) => write!(f, "{number}")?,
+                WktValue::Word(word) => f.write_str(word)?,
+                WktValue::Node(node) => node.fmt(f)?,
             }
         }
         f.write_str("]")
@@ -101,7 +101,7 @@ impl fmt::Display for Node {
 }
 
 /// A text that is one node, whatever follows it.
-pub fn parse(text: &str) -> Option<Node> {
+pub fn parse(text: &str) -> Option<WktNode> {
     let mut rest = text.trim_start_matches(['\u{feff}', ' ', '\t', '\r', '\n']);
     node(&mut rest, 0)
 }
@@ -122,7 +122,7 @@ fn skip_blanks(rest: &mut &str) {
     *rest = rest.trim_start();
 }
 
-fn node(rest: &mut &str, depth: usize) -> Option<Node> {
+fn node(rest: &mut &str, depth: usize) -> Option<WktNode> {
     if depth > MOST_DEPTH {
         return None;
     }
@@ -140,18 +140,18 @@ fn node(rest: &mut &str, depth: usize) -> Option<Node> {
         match rest.chars().next()? {
             c if c == close => {
                 *rest = &rest[1..];
-                return Some(Node { keyword, values });
+                return Some(WktNode { keyword, values });
             }
             ',' => *rest = &rest[1..],
-            '"' => values.push(Value::Text(quoted(rest)?)),
+            '"' => values.push(WktValue::Text(quoted(rest)?)),
             c if c.is_ascii_digit() || matches!(c, '-' | '+' | '.') => values.push(number(rest)?),
             _ => {
                 let mut ahead = *rest;
                 word(&mut ahead)?;
                 skip_blanks(&mut ahead);
                 values.push(match ahead.starts_with(['[', '(']) {
-                    true => Value::Node(node(rest, depth + 1)?),
-                    false => Value::Word(word(rest)?.to_string()),
+                    true => WktValue::Node(node(rest, depth + 1)?),
+                    false => WktValue::Word(word(rest)?.to_string()),
                 });
             }
         }
@@ -182,10 +182,10 @@ fn quoted(rest: &mut &str) -> Option<String> {
     }
 }
 
-fn number(rest: &mut &str) -> Option<Value> {
+fn number(rest: &mut &str) -> Option<WktValue> {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.' | 'e' | 'E');
     let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
     let (number, after) = rest.split_at(end);
     *rest = after;
-    number.parse().ok().filter(|number: &f64| number.is_finite()).map(Value::Number)
+    number.parse().ok().filter(|number: &f64| number.is_finite()).map(WktValue::Number)
 }

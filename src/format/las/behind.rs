@@ -3,9 +3,9 @@
 //! of a large file's.
 
 use super::LasError;
-use super::declared_counts::{Behind, Claims};
+use super::declared_counts::{Behind, DeclaredCounts};
 use super::header_totals::returns_of;
-use super::source::Source;
+use super::source::FileReader;
 use super::vlr;
 
 /// Records that are looked at, spread evenly.
@@ -102,8 +102,8 @@ pub fn by_share(inside: u64, looked_at: u64) -> Behind {
 }
 
 /// The records of a plain LAS file.
-pub struct Records<'a> {
-    pub source: &'a Source,
+pub struct PlainRecords<'a> {
+    pub source: &'a FileReader,
     /// Where they begin.
     pub at: u64,
     pub length: u64,
@@ -115,7 +115,7 @@ pub struct Records<'a> {
 
 /// What was seen behind the counted records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Look {
+pub struct RecordsBehind {
     pub behind: Behind,
     /// Whole records, the counted ones among them, without padding behind them.
     pub room: u64,
@@ -124,12 +124,12 @@ pub struct Look {
     pub header_is_exact: bool,
 }
 
-impl Records<'_> {
+impl PlainRecords<'_> {
     /// Looks at what lies between the counted records and `end`.
-    pub fn look(&self, counted: u64, end: u64) -> Result<Look, LasError> {
+    pub fn look(&self, counted: u64, end: u64) -> Result<RecordsBehind, LasError> {
         let from = self.at + counted * self.length;
         let room = (end - self.at) / self.length;
-        let look = |behind, room: u64| Look {
+        let look = |behind, room: u64| RecordsBehind {
             behind,
             room,
             rest: end - self.at - room * self.length,
@@ -167,7 +167,7 @@ impl Records<'_> {
         })?;
         let behind = by_share(inside, all);
         let header_is_exact = behind == Behind::Points && counted > 0 && self.header_is_exact(counted)?;
-        Ok(Look { header_is_exact, ..look(behind, last) })
+        Ok(RecordsBehind { header_is_exact, ..look(behind, last) })
     }
 
     /// Where the bytes begin that are all the same up to `end`; holes of a sparse
@@ -227,7 +227,8 @@ impl Records<'_> {
             done += records;
         }
         let said = self.returns.iter().zip(&returns[1..]);
-        let returns_agree = Claims::of(self.raw).by_return == 0 || said.into_iter().all(|(a, b)| a == b);
+        let returns_agree =
+            DeclaredCounts::of(self.raw).by_return == 0 || said.into_iter().all(|(a, b)| a == b);
         Ok(returns_agree && reach == Reach::of_header(self.raw))
     }
 }

@@ -4,15 +4,15 @@
 //! stream. A writer that was stopped leaves no table, and LASzip 1 knew none.
 
 use super::behind::Reach;
-use super::chunk_table::{self, Table};
+use super::chunk_table::{self, ReadTable};
 use super::coding::Coding;
-use super::declared_counts::{Behind, Claims, Evidence, Verdict, judge};
-use super::source::Source;
-use super::{LasError, Reading};
+use super::declared_counts::{Behind, DeclaredCounts, Evidence, ResolvedCounts, judge};
+use super::source::FileReader;
+use super::{LasError, ReadMode};
 
 /// One chunk of points that can be decoded on its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Chunk {
+pub struct PointChunk {
     /// Its first point's place in the file's order.
     pub first: u64,
     pub points: u64,
@@ -23,8 +23,8 @@ pub struct Chunk {
 
 /// How to get at the points.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Layout {
-    Chunks(Vec<Chunk>),
+pub enum ChunkLayout {
+    Chunks(Vec<PointChunk>),
     /// One behind the other, from `start` to at most `end`; with a decoder that
     /// starts anew every `chunk_points`, if any.
     Stream {
@@ -41,8 +41,8 @@ pub enum Layout {
 /// What was found out about the points of a LAZ file.
 #[derive(Debug)]
 pub struct Located {
-    pub layout: Layout,
-    pub verdict: Verdict,
+    pub layout: ChunkLayout,
+    pub verdict: ResolvedCounts,
     /// Nothing that a finished file has is missing.
     pub complete: bool,
     /// Why the verdict is no simple one.
@@ -60,7 +60,7 @@ pub enum Chunking {
 
 /// What is known of a LAZ file before its chunks are.
 pub struct Locator<'a> {
-    pub source: &'a Source,
+    pub source: &'a FileReader,
     pub coding: &'a Coding,
     pub chunking: Chunking,
     /// Where the points begin, and where they end at the latest.
@@ -68,12 +68,12 @@ pub struct Locator<'a> {
     pub end: u64,
     /// Bytes between those that were ever written; a sparse file has holes.
     pub written: u64,
-    pub claims: Claims,
+    pub claims: DeclaredCounts,
     /// Where points may be expected.
     pub reach: Reach,
     /// Strictly, only a chunk table that accounts for every byte will do. Where
     /// what can be read is asked for, a count may turn out to be too high.
-    pub reading: Reading,
+    pub reading: ReadMode,
 }
 
 /// What the chunk table of a file is worth.
@@ -81,7 +81,7 @@ pub struct Locator<'a> {
 pub struct Listed {
     /// Chunks as it says them, one behind the other. Of chunks of one size the last has
     /// as many points as the others, which need not be so.
-    pub chunks: Vec<Chunk>,
+    pub chunks: Vec<PointChunk>,
     /// Where their bytes end.
     pub end: u64,
     /// Where the bytes of all chunks end at the latest: the table begins there.
@@ -116,10 +116,10 @@ impl Locator<'_> {
             return self.stream(None, self.start, self.end, None, notes);
         }
         if self.claims.said() == 0 && self.end < self.start + 8 {
-            return Ok(self.counted(Layout::Chunks(Vec::new()), 0));
+            return Ok(self.counted(ChunkLayout::Chunks(Vec::new()), 0));
         }
         let listed = self.listed(notes)?;
-        if let (Reading::Strict, Some(reason)) = (self.reading, &listed.trouble) {
+        if let (ReadMode::Strict, Some(reason)) = (self.reading, &listed.trouble) {
             let (path, place) = (self.source.path().to_path_buf(), "its chunk table".to_string());
             return Err(LasError::Damaged { path, place, reason: reason.clone() });
         }
@@ -139,7 +139,7 @@ impl Locator<'_> {
     fn check_bound(&self) -> Result<(), LasError> {
         let most = self.most();
         let beyond = self.claims.largest() > 0 && self.claims.candidates().all(|count| count > most);
-        if !beyond || self.reading == Reading::Readable {
+        if !beyond || self.reading == ReadMode::Readable {
             return Ok(());
         }
         let (said, bytes) = (self.claims.said(), self.written);
@@ -158,11 +158,11 @@ impl Locator<'_> {
             trouble: Some(reason),
         };
         let (limit, entries) = match table {
-            Table::Good { at, entries } => (at, entries),
-            Table::Bad(reason) => return Ok(without(reason)),
-            Table::Beyond => return Ok(without("its chunk table should lie behind its end".to_string())),
+            ReadTable::Good { at, entries } => (at, entries),
+            ReadTable::Bad(reason) => return Ok(without(reason)),
+            ReadTable::Beyond => return Ok(without("its chunk table should lie behind its end".to_string())),
         };
-        let mut chunks: Vec<Chunk> = Vec::with_capacity(entries.len());
+        let mut chunks: Vec<PointChunk> = Vec::with_capacity(entries.len());
         let (mut first, mut at) = (0u64, start);
         for (points, bytes) in entries {
             let points = match self.chunking {
@@ -174,7 +174,7 @@ impl Locator<'_> {
             };
             // An entry without points or bytes is no chunk.
             if points > 0 && bytes > 0 {
-                chunks.push(Chunk { first, points, at, bytes });
+                chunks.push(PointChunk { first, points, at, bytes });
                 first = next;
             }
             at += bytes;
@@ -189,8 +189,8 @@ impl Locator<'_> {
         Ok(Listed { chunks, end: at, limit, trouble: None })
     }
 
-    pub fn counted(&self, layout: Layout, points: u64) -> Located {
-        let (verdict, complete) = (Verdict::Counted(points), self.claims.are(points));
+    pub fn counted(&self, layout: ChunkLayout, points: u64) -> Located {
+        let (verdict, complete) = (ResolvedCounts::Counted(points), self.claims.are(points));
         Located { layout, verdict, complete, reason: String::new() }
     }
 
@@ -198,7 +198,7 @@ impl Locator<'_> {
     fn layered(&self, mut listed: Listed, notes: &mut Vec<String>) -> Result<Located, LasError> {
         if listed.is_whole() && self.set_last(&mut listed.chunks)? && self.claims.are(listed.points()) {
             let points = listed.points();
-            return Ok(self.counted(Layout::Chunks(listed.chunks), points));
+            return Ok(self.counted(ChunkLayout::Chunks(listed.chunks), points));
         }
         let (chunks, end) = self.walk(&listed)?;
         let points = chunks.last().map_or(0, |chunk| chunk.first + chunk.points);
@@ -227,11 +227,11 @@ impl Locator<'_> {
         let evidence =
             Evidence { claims: self.claims, room: points, torn: !is_end, behind, header_is_exact: false };
         let complete = knows_end && is_end && listed.is_whole() && self.claims.are(points);
-        Ok(Located { layout: Layout::Chunks(chunks), verdict: judge(&evidence), complete, reason })
+        Ok(Located { layout: ChunkLayout::Chunks(chunks), verdict: judge(&evidence), complete, reason })
     }
 
     /// Gives the last of chunks of one size the points that it says it has.
-    fn set_last(&self, chunks: &mut [Chunk]) -> Result<bool, LasError> {
+    fn set_last(&self, chunks: &mut [PointChunk]) -> Result<bool, LasError> {
         let (Chunking::Fixed(_), Some(last)) = (self.chunking, chunks.last_mut()) else { return Ok(true) };
         match self.front(last.at, last.at + last.bytes)? {
             Some((points, _)) if points <= last.points => {
@@ -264,7 +264,7 @@ impl Locator<'_> {
 
     /// Layered chunks one by one, and where they end. Over a chunk whose front makes no
     /// sense the table helps, where it knows one there.
-    fn walk(&self, listed: &Listed) -> Result<(Vec<Chunk>, u64), LasError> {
+    fn walk(&self, listed: &Listed) -> Result<(Vec<PointChunk>, u64), LasError> {
         let mut chunks = Vec::new();
         let (mut first, mut at) = (0, self.start + 8);
         loop {
@@ -273,7 +273,7 @@ impl Locator<'_> {
             }
             let known = listed.chunks.binary_search_by_key(&at, |chunk| chunk.at).ok();
             let known = known.map(|place| {
-                let Chunk { points, bytes, .. } = listed.chunks[place];
+                let PointChunk { points, bytes, .. } = listed.chunks[place];
                 // Of the last one of several of one size, what the header's count leaves.
                 let is_last = place + 1 == listed.chunks.len();
                 let left =
@@ -281,7 +281,7 @@ impl Locator<'_> {
                 (left.filter(|_| is_last).map_or(points, |count| count - first), bytes)
             });
             let Some((points, bytes)) = self.front(at, listed.limit)?.or(known) else { break };
-            chunks.push(Chunk { first, points, at, bytes });
+            chunks.push(PointChunk { first, points, at, bytes });
             (first, at) = (first + points, at + bytes);
         }
         Ok((chunks, at))

@@ -16,7 +16,7 @@ use laz::record::{
 use laz::{LazItem, LazItemType};
 
 use super::fields;
-use crate::format::laz::{Decoder, Encoder, Shape};
+use crate::format::laz::{Decoder, Encoder, RecordShape};
 
 /// How one file's records are compressed.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ pub struct Coding {
     /// Bytes of a decoded record.
     pub record_length: usize,
     /// Where these items are coded without the `laz` crate.
-    own: Option<Shape>,
+    own: Option<RecordShape>,
 }
 
 /// Extra bytes that a LAZ record may have. Every one of them costs `laz` a
@@ -84,7 +84,7 @@ impl Coding {
         let record_length = items.iter().map(|item| usize::from(item.size())).sum();
         let extra = extra.iter().map(|item| usize::from(item.size())).sum();
         let version = items.first().map_or(0, LazItem::version);
-        let own = Shape::new(point_format, extra, version)
+        let own = RecordShape::new(point_format, extra, version)
             .filter(|_| items.iter().all(|item| item.version() == version));
         Ok(Coding { items: items.to_vec(), layered, record_length, own })
     }

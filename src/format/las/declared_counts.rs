@@ -19,7 +19,7 @@
 
 /// The counts that a header has.
 #[derive(Debug, Clone, Copy)]
-pub struct Claims {
+pub struct DeclaredCounts {
     pub legacy: u64,
     /// Only since version 1.4.
     pub large: Option<u64>,
@@ -46,7 +46,7 @@ pub enum Behind {
 /// What was found out about a file.
 #[derive(Debug, Clone, Copy)]
 pub struct Evidence {
-    pub claims: Claims,
+    pub claims: DeclaredCounts,
     /// Whole records that there is room for, without padding at the end.
     pub room: u64,
     /// Something follows them that is no whole record.
@@ -59,7 +59,7 @@ pub struct Evidence {
 
 /// What becomes of the points of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum ResolvedCounts {
     /// So many points, as the header says.
     Counted(u64),
     /// The header counts fewer, and the file proves that there are these.
@@ -70,25 +70,25 @@ pub enum Verdict {
     Contradiction { said: u64, there: u64 },
 }
 
-impl Verdict {
+impl ResolvedCounts {
     /// Points that are read where what can be read is asked for.
     pub fn there(self) -> u64 {
         match self {
-            Verdict::Counted(points) => points,
-            Verdict::Proven { there, .. }
-            | Verdict::TooFew { there, .. }
-            | Verdict::Contradiction { there, .. } => there,
+            ResolvedCounts::Counted(points) => points,
+            ResolvedCounts::Proven { there, .. }
+            | ResolvedCounts::TooFew { there, .. }
+            | ResolvedCounts::Contradiction { there, .. } => there,
         }
     }
 }
 
-impl Claims {
-    pub fn of(raw: &las::raw::Header) -> Claims {
+impl DeclaredCounts {
+    pub fn of(raw: &las::raw::Header) -> DeclaredCounts {
         let legacy = raw.number_of_points_by_return.iter().map(|points| u64::from(*points)).sum();
         let large = raw.large_file.map_or(0, |large| {
             large.number_of_points_by_return.iter().fold(0u64, |sum, points| sum.saturating_add(*points))
         });
-        Claims {
+        DeclaredCounts {
             legacy: u64::from(raw.number_of_point_records),
             large: raw.large_file.map(|large| large.number_of_point_records),
             by_return: if large > 0 { large } else { legacy },
@@ -137,21 +137,21 @@ impl Claims {
 }
 
 /// Decides by the table above.
-pub fn judge(evidence: &Evidence) -> Verdict {
+pub fn judge(evidence: &Evidence) -> ResolvedCounts {
     let Evidence { claims, room: there, torn, behind, header_is_exact } = *evidence;
     let said = claims.against(there);
     if said == there {
-        return Verdict::Counted(said);
+        return ResolvedCounts::Counted(said);
     }
     if said > there {
-        return Verdict::TooFew { said, there };
+        return ResolvedCounts::TooFew { said, there };
     }
     let proven = !torn && !header_is_exact && claims.largest() <= there;
     match behind {
-        Behind::Nothing | Behind::Padding | Behind::NoPoints => Verdict::Counted(said),
-        Behind::Unclear if said > 0 && claims.by_return == said => Verdict::Counted(said),
-        Behind::Points | Behind::Unclear if proven => Verdict::Proven { said, there },
-        Behind::Points | Behind::Unclear => Verdict::Contradiction { said, there },
+        Behind::Nothing | Behind::Padding | Behind::NoPoints => ResolvedCounts::Counted(said),
+        Behind::Unclear if said > 0 && claims.by_return == said => ResolvedCounts::Counted(said),
+        Behind::Points | Behind::Unclear if proven => ResolvedCounts::Proven { said, there },
+        Behind::Points | Behind::Unclear => ResolvedCounts::Contradiction { said, there },
     }
 }
 
@@ -161,7 +161,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn evidence(counts: (u64, Option<u64>), room: u64, behind: Behind) -> Evidence {
-        let claims = Claims { legacy: counts.0, large: counts.1, by_return: 0 };
+        let claims = DeclaredCounts { legacy: counts.0, large: counts.1, by_return: 0 };
         Evidence { claims, room, torn: false, behind, header_is_exact: false }
     }
 
@@ -170,7 +170,7 @@ mod tests {
         for counts in [(100, None), (0, Some(100)), (90, Some(100)), (100, Some(90)), (100, Some(1 << 40))] {
             for torn in [false, true] {
                 let found = Evidence { torn, ..evidence(counts, 100, Behind::Nothing) };
-                assert_eq!(judge(&found), Verdict::Counted(100), "{counts:?}");
+                assert_eq!(judge(&found), ResolvedCounts::Counted(100), "{counts:?}");
             }
         }
     }
@@ -178,9 +178,9 @@ mod tests {
     #[test]
     fn too_few_bytes_for_every_count_are_told() {
         let found = evidence((101, None), 100, Behind::Nothing);
-        assert_eq!(judge(&found), Verdict::TooFew { said: 101, there: 100 });
+        assert_eq!(judge(&found), ResolvedCounts::TooFew { said: 101, there: 100 });
         let found = evidence((120, Some(110)), 100, Behind::Nothing);
-        assert_eq!(judge(&found), Verdict::TooFew { said: 120, there: 100 });
+        assert_eq!(judge(&found), ResolvedCounts::TooFew { said: 120, there: 100 });
     }
 
     #[test]
@@ -189,7 +189,7 @@ mod tests {
             for torn in [false, true] {
                 for said in [0, 90] {
                     let found = Evidence { torn, ..evidence((said, None), 100, behind) };
-                    assert_eq!(judge(&found), Verdict::Counted(said));
+                    assert_eq!(judge(&found), ResolvedCounts::Counted(said));
                 }
             }
         }
@@ -198,8 +198,8 @@ mod tests {
     #[test]
     fn points_behind_the_counted_ones_are_read_or_refused() {
         let whole = evidence((90, None), 100, Behind::Points);
-        assert_eq!(judge(&whole), Verdict::Proven { said: 90, there: 100 });
-        let contradiction = Verdict::Contradiction { said: 90, there: 100 };
+        assert_eq!(judge(&whole), ResolvedCounts::Proven { said: 90, there: 100 });
+        let contradiction = ResolvedCounts::Contradiction { said: 90, there: 100 };
         assert_eq!(judge(&Evidence { torn: true, ..whole }), contradiction);
         assert_eq!(judge(&Evidence { header_is_exact: true, ..whole }), contradiction);
         // Nobody knows which of two counts was meant.
@@ -211,18 +211,18 @@ mod tests {
     fn without_a_count_whole_records_are_read() {
         for behind in [Behind::Points, Behind::Unclear] {
             let whole = evidence((0, Some(0)), 100, behind);
-            assert_eq!(judge(&whole), Verdict::Proven { said: 0, there: 100 });
+            assert_eq!(judge(&whole), ResolvedCounts::Proven { said: 0, there: 100 });
             let torn = Evidence { torn: true, ..whole };
-            assert_eq!(judge(&torn), Verdict::Contradiction { said: 0, there: 100 });
+            assert_eq!(judge(&torn), ResolvedCounts::Contradiction { said: 0, there: 100 });
         }
     }
 
     #[test]
     fn where_bytes_tell_nothing_the_returns_do() {
         let mut found = evidence((90, None), 100, Behind::Unclear);
-        assert_eq!(judge(&found), Verdict::Proven { said: 90, there: 100 });
+        assert_eq!(judge(&found), ResolvedCounts::Proven { said: 90, there: 100 });
         found.claims.by_return = 90;
-        assert_eq!(judge(&found), Verdict::Counted(90));
+        assert_eq!(judge(&found), ResolvedCounts::Counted(90));
     }
 
     fn any_evidence() -> impl Strategy<Value = Evidence> {
@@ -232,7 +232,7 @@ mod tests {
         let large = prop::option::of(count.clone());
         (count.clone(), large, count, 0..200u64, any::<bool>(), behind, any::<bool>()).prop_map(
             |(legacy, large, by_return, room, torn, behind, header_is_exact)| {
-                let claims = Claims { legacy, large, by_return };
+                let claims = DeclaredCounts { legacy, large, by_return };
                 Evidence { claims, room, torn, behind, header_is_exact }
             },
         )
@@ -245,19 +245,19 @@ mod tests {
             let candidates: Vec<u64> = found.claims.candidates().collect();
             prop_assert!(verdict.there() <= found.room.max(found.claims.said()));
             match verdict {
-                Verdict::Counted(points) => {
+                ResolvedCounts::Counted(points) => {
                     // Never more than there is room for, never a number that nobody said.
                     prop_assert!(points <= found.room);
                     prop_assert!(candidates.contains(&points) || candidates.is_empty() && points == 0);
                     // Nothing that is surely a point is passed over.
                     prop_assert!(points == found.room || found.behind != Behind::Points);
                 }
-                Verdict::Proven { said, there } => {
+                ResolvedCounts::Proven { said, there } => {
                     prop_assert!(said < there && there == found.room && !found.torn);
                     prop_assert!(matches!(found.behind, Behind::Points | Behind::Unclear));
                 }
-                Verdict::TooFew { said, there } => prop_assert!(said > there && there == found.room),
-                Verdict::Contradiction { said, there } => {
+                ResolvedCounts::TooFew { said, there } => prop_assert!(said > there && there == found.room),
+                ResolvedCounts::Contradiction { said, there } => {
                     prop_assert!(said < there && there == found.room);
                 }
             }

@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use super::LasError;
-use super::chunks::Layout;
+use super::chunks::ChunkLayout;
 use super::coding::Coding;
-use super::source::Source;
-use super::stream::{Broken, SKIP, Stream};
+use super::source::FileReader;
+use super::stream::{Broken, PointStream, SKIP};
 
 /// Compressed bytes that are decoded only to say how many points a cut file
 /// still has; that takes a few seconds.
@@ -39,8 +39,8 @@ pub enum ExploredTo {
 /// A stream that is decoded to find out how many points it has.
 pub struct Explorer<'a> {
     coding: &'a Coding,
-    layout: Layout,
-    stream: Stream,
+    layout: ChunkLayout,
+    stream: PointStream,
     /// The last byte and the last point to go to.
     most: (u64, u64),
     block: Vec<u8>,
@@ -50,15 +50,15 @@ impl<'a> Explorer<'a> {
     /// `bounded` ones look only at the front of a large file, and at the first of
     /// many chunks.
     pub fn new(
-        source: &Source,
+        source: &FileReader,
         coding: &'a Coding,
-        layout: &Layout,
+        layout: &ChunkLayout,
         bounded: bool,
     ) -> Result<Explorer<'a>, LasError> {
         let source = Arc::new(source.reopen()?);
         let (start, chunk_points) = match layout {
-            Layout::Stream { start, chunk_points, .. } => (*start, *chunk_points),
-            Layout::Chunks(_) => (0, None),
+            ChunkLayout::Stream { start, chunk_points, .. } => (*start, *chunk_points),
+            ChunkLayout::Chunks(_) => (0, None),
         };
         let most = match (bounded, chunk_points) {
             (false, _) => (u64::MAX, u64::MAX),
@@ -67,13 +67,13 @@ impl<'a> Explorer<'a> {
                 (start.saturating_add(MOST_TO_COUNT), u64::from(each) * MOST_CHUNKS_TO_COUNT)
             }
         };
-        let stream = Stream::new(source, layout);
+        let stream = PointStream::new(source, layout);
         Ok(Explorer { coding, layout: layout.clone(), stream, most, block: Vec::new() })
     }
 
     /// Goes on to the point `until`, and hands over the records on the way.
     pub fn go_to(&mut self, until: u64, mut each: impl FnMut(&[u8])) -> Explored {
-        let Layout::Stream { chunk_points, .. } = &self.layout else {
+        let ChunkLayout::Stream { chunk_points, .. } = &self.layout else {
             return Explored { points: 0, at: 0, end: ExploredTo::Points };
         };
         let chunk_points = chunk_points.map(u64::from);

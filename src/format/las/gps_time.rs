@@ -7,7 +7,7 @@ use super::error::LasError;
 
 /// What GPS times count from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum GpsTime {
+pub enum GpsEpoch {
     /// Seconds since the beginning of a week that the file does not name.
     Week,
     /// Standard GPS time less `offset` × 10^6 seconds. Up to LAS 1.4 the offset is
@@ -21,24 +21,24 @@ const OFFSET_UNIT: f64 = 1e6;
 const STANDARD_BIT: u16 = 1;
 const OFFSET_BIT: u16 = 1 << 6;
 
-impl GpsTime {
+impl GpsEpoch {
     /// The offset of "adjusted standard GPS time", the only one before LAS 1.5.
-    pub const ADJUSTED: GpsTime = GpsTime::Standard { offset: 1000 };
+    pub const ADJUSTED: GpsEpoch = GpsEpoch::Standard { offset: 1000 };
 
     /// By the global encoding and, since LAS 1.5, the header's time offset.
-    pub(super) fn of(encoding: u16, time_offset: Option<u16>, notes: &mut Vec<String>) -> GpsTime {
+    pub(super) fn of(encoding: u16, time_offset: Option<u16>, notes: &mut Vec<String>) -> GpsEpoch {
         match (encoding & STANDARD_BIT != 0, encoding & OFFSET_BIT != 0, time_offset) {
-            (true, true, Some(offset)) => GpsTime::Standard { offset },
-            (true, _, _) => GpsTime::ADJUSTED,
+            (true, true, Some(offset)) => GpsEpoch::Standard { offset },
+            (true, _, _) => GpsEpoch::ADJUSTED,
             (false, true, Some(_)) => {
                 notes.push(
                     "its GPS times should have a time offset, but are marked as seconds of the week; the \
                      offset is ignored"
                         .to_string(),
                 );
-                GpsTime::Week
+                GpsEpoch::Week
             }
-            (false, _, _) => GpsTime::Week,
+            (false, _, _) => GpsEpoch::Week,
         }
     }
 
@@ -46,17 +46,17 @@ impl GpsTime {
     /// LAS 1.5 can say it.
     pub(super) fn encoding(self) -> (u16, Option<u16>) {
         match self {
-            GpsTime::Week => (0, None),
-            GpsTime::ADJUSTED => (STANDARD_BIT, None),
-            GpsTime::Standard { offset } => (STANDARD_BIT | OFFSET_BIT, Some(offset)),
+            GpsEpoch::Week => (0, None),
+            GpsEpoch::ADJUSTED => (STANDARD_BIT, None),
+            GpsEpoch::Standard { offset } => (STANDARD_BIT | OFFSET_BIT, Some(offset)),
         }
     }
 
     /// In words for a person.
     pub fn describe(self) -> String {
         match self {
-            GpsTime::Week => "seconds of the GPS week".to_string(),
-            GpsTime::Standard { offset } => format!("standard GPS time minus {offset}000000 s"),
+            GpsEpoch::Week => "seconds of the GPS week".to_string(),
+            GpsEpoch::Standard { offset } => format!("standard GPS time minus {offset}000000 s"),
         }
     }
 }
@@ -81,9 +81,9 @@ pub(super) struct TimeShift {
 impl TimeShift {
     /// Nothing where no time is to be moved, or cannot be: the seconds of an
     /// unknown week have no place among others.
-    pub fn new(from: GpsTime, to: GpsTime, point_format: u8) -> Option<TimeShift> {
+    pub fn new(from: GpsEpoch, to: GpsEpoch, point_format: u8) -> Option<TimeShift> {
         match (from, to, position(point_format)) {
-            (GpsTime::Standard { offset: from }, GpsTime::Standard { offset: to }, Some(at))
+            (GpsEpoch::Standard { offset: from }, GpsEpoch::Standard { offset: to }, Some(at))
                 if from != to =>
             {
                 Some(TimeShift { from, to, at })
@@ -140,17 +140,17 @@ mod tests {
 
     #[test]
     fn the_encoding_says_what_times_count_from() {
-        let of = |encoding, offset| GpsTime::of(encoding, offset, &mut Vec::new());
-        assert_eq!(of(0, None), GpsTime::Week);
-        assert_eq!(of(1, None), GpsTime::ADJUSTED);
-        assert_eq!(of(1, Some(7)), GpsTime::ADJUSTED);
-        assert_eq!(of(1 | 1 << 6, Some(7)), GpsTime::Standard { offset: 7 });
+        let of = |encoding, offset| GpsEpoch::of(encoding, offset, &mut Vec::new());
+        assert_eq!(of(0, None), GpsEpoch::Week);
+        assert_eq!(of(1, None), GpsEpoch::ADJUSTED);
+        assert_eq!(of(1, Some(7)), GpsEpoch::ADJUSTED);
+        assert_eq!(of(1 | 1 << 6, Some(7)), GpsEpoch::Standard { offset: 7 });
         // Before LAS 1.5 the bit means nothing.
-        assert_eq!(of(1 | 1 << 6, None), GpsTime::ADJUSTED);
+        assert_eq!(of(1 | 1 << 6, None), GpsEpoch::ADJUSTED);
         let mut notes = Vec::new();
-        assert_eq!(GpsTime::of(1 << 6, Some(7), &mut notes), GpsTime::Week);
+        assert_eq!(GpsEpoch::of(1 << 6, Some(7), &mut notes), GpsEpoch::Week);
         assert_eq!(notes.len(), 1);
-        for time in [GpsTime::Week, GpsTime::ADJUSTED, GpsTime::Standard { offset: 1400 }] {
+        for time in [GpsEpoch::Week, GpsEpoch::ADJUSTED, GpsEpoch::Standard { offset: 1400 }] {
             let (bits, offset) = time.encoding();
             assert_eq!(of(bits, offset), time);
         }

@@ -4,9 +4,9 @@
 
 use super::LasError;
 use super::crs::Crs;
-use super::gps_time::GpsTime;
+use super::gps_time::GpsEpoch;
 use super::record_length;
-use super::source::Source;
+use super::source::FileReader;
 use super::text;
 use super::vlr::{self, Vlr};
 use crate::octree::attribute::ExtraField;
@@ -41,7 +41,7 @@ pub struct Header {
     pub extra: Vec<ExtraField>,
     pub crs: Option<Crs>,
     /// What the GPS times count from, of the point formats that have them.
-    pub gps_time: GpsTime,
+    pub gps_time: GpsEpoch,
     /// The records that it was found in, and what else of that kind there is.
     pub crs_records: Vec<Vlr>,
     /// The software and the system that made the file.
@@ -65,7 +65,7 @@ pub struct Created {
 }
 
 /// The raw header, checked, before it is known how many points there are.
-pub struct Front {
+pub struct RawHeader {
     /// Of LAS, whose header of 1.5 is in `raw` as one of 1.4.
     pub version: (u8, u8),
     /// In 10^6 seconds; since LAS 1.5.
@@ -82,7 +82,7 @@ pub struct Front {
 
 /// Where points end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct End {
+pub struct PointsEnd {
     /// Where the file ends, or something begins that is certainly no point.
     pub certain: u64,
     /// Where the header says that something else begins, be it so or not.
@@ -97,7 +97,7 @@ const TIME_OFFSET: usize = 391;
 /// The smallest, that of versions 1.0 to 1.2.
 const SMALLEST: u64 = 227;
 
-pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError> {
+pub fn read(source: &FileReader, notes: &mut Vec<String>) -> Result<RawHeader, LasError> {
     let path = source.path();
     let mut bytes = [0; LARGEST];
     let there = source.bytes().min(LARGEST as u64) as usize;
@@ -136,7 +136,7 @@ pub fn read(source: &Source, notes: &mut Vec<String>) -> Result<Front, LasError>
     let raw =
         las::raw::Header::read_from(bytes.as_slice()).map_err(|e| LasError::header(path, e.to_string()))?;
 
-    let front = Front {
+    let front = RawHeader {
         version: (major, minor),
         time_offset,
         size: u64::from(size),
@@ -157,7 +157,12 @@ fn extended(header: &[u8; LARGEST]) -> (u64, u32) {
     (u64::from_le_bytes(start), u32::from_le_bytes(number))
 }
 
-fn check_size(source: &Source, size: u16, standard: u16, notes: &mut Vec<String>) -> Result<(), LasError> {
+fn check_size(
+    source: &FileReader,
+    size: u16,
+    standard: u16,
+    notes: &mut Vec<String>,
+) -> Result<(), LasError> {
     if u64::from(size) < SMALLEST {
         let reason = format!("it says that it has {size} bytes, and no LAS header has fewer than {SMALLEST}");
         return Err(LasError::header(source.path(), reason));
@@ -174,8 +179,8 @@ fn check_size(source: &Source, size: u16, standard: u16, notes: &mut Vec<String>
     Ok(())
 }
 
-impl Front {
-    fn check(&self, source: &Source, notes: &mut Vec<String>) -> Result<(), LasError> {
+impl RawHeader {
+    fn check(&self, source: &FileReader, notes: &mut Vec<String>) -> Result<(), LasError> {
         let refuse = |reason: String| Err(LasError::header(source.path(), reason));
         let format = self.point_format;
         let Some(standard) = record_length(format) else {
@@ -235,8 +240,8 @@ impl Front {
 
     /// What GPS times count from; `compatible` is the time offset of a file in
     /// LASzip's compatibility mode.
-    pub fn gps_time(&self, compatible: Option<u16>, notes: &mut Vec<String>) -> GpsTime {
-        GpsTime::of(self.raw.global_encoding, self.time_offset.or(compatible), notes)
+    pub fn gps_time(&self, compatible: Option<u16>, notes: &mut Vec<String>) -> GpsEpoch {
+        GpsEpoch::of(self.raw.global_encoding, self.time_offset.or(compatible), notes)
     }
 
     /// Whether WKT comes before GeoTIFF keys: in LAS 1.4 by its bit, or by a point format
@@ -257,7 +262,11 @@ impl Front {
 
     /// Where the extended records begin and how many there are said to be, if
     /// that can be. One whose header counts none may have some all the same.
-    pub fn extended(&self, source: &Source, notes: &mut Vec<String>) -> Result<Option<(u64, u32)>, LasError> {
+    pub fn extended(
+        &self,
+        source: &FileReader,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(u64, u32)>, LasError> {
         let Some((start, said)) = self.extended else { return Ok(None) };
         if (start, said) == (0, 0) {
             return Ok(None);
@@ -277,8 +286,8 @@ impl Front {
 
     /// Where the points end at the latest: something else, or the file's end, comes
     /// there.
-    pub fn points_end(&self, source: &Source) -> Result<End, LasError> {
-        let mut end = End { certain: source.bytes(), said: source.bytes() };
+    pub fn points_end(&self, source: &FileReader) -> Result<PointsEnd, LasError> {
+        let mut end = PointsEnd { certain: source.bytes(), said: source.bytes() };
         let waveforms = self.raw.start_of_waveform_data_packet_record.map(|start| (start, 1));
         for (start, said) in self.extended.into_iter().chain(waveforms) {
             // 0 is where there are none, and inside the header nothing can be.
@@ -296,7 +305,7 @@ impl Front {
     }
 
     /// The header for the world outside.
-    pub fn finish(self, source: &Source) -> Header {
+    pub fn finish(self, source: &FileReader) -> Header {
         let raw = &self.raw;
         let created = Created { year: raw.file_creation_year, day: raw.file_creation_day_of_year };
         Header {
@@ -313,7 +322,7 @@ impl Front {
             returns: self.returns(),
             extra: Vec::new(),
             crs: None,
-            gps_time: GpsTime::Week,
+            gps_time: GpsEpoch::Week,
             crs_records: Vec::new(),
             software: text::get(&raw.generating_software),
             system: text::get(&raw.system_identifier),

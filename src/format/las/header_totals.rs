@@ -3,7 +3,7 @@
 
 /// What the header says of the points.
 #[derive(Debug)]
-pub struct Tally {
+pub struct HeaderTotals {
     points: u64,
     returns: [u64; 15],
     min: [i32; 3],
@@ -25,10 +25,10 @@ pub fn returns_of(point_format: u8, records: &[u8], record_length: usize, return
     }
 }
 
-impl Tally {
-    pub fn new(point_format: u8) -> Tally {
+impl HeaderTotals {
+    pub fn new(point_format: u8) -> HeaderTotals {
         let return_mask = return_mask(point_format);
-        Tally { points: 0, returns: [0; 15], min: [i32::MAX; 3], max: [i32::MIN; 3], return_mask }
+        HeaderTotals { points: 0, returns: [0; 15], min: [i32::MAX; 3], max: [i32::MIN; 3], return_mask }
     }
 
     pub fn add(&mut self, records: &[u8], record_length: usize) {

@@ -4,14 +4,14 @@
 
 use std::sync::Arc;
 
-use super::chunks::{Chunk, Layout};
+use super::chunks::{ChunkLayout, PointChunk};
 use super::coding::Coding;
 use super::explore::{ExploredTo, Explorer};
-use super::source::Source;
+use super::source::FileReader;
 
 /// The same chunks with their true places; nothing if these cannot be told, or are the
 /// ones that are known.
-pub fn borders(source: &Arc<Source>, coding: &Coding, chunks: &[Chunk]) -> Option<Vec<Chunk>> {
+pub fn borders(source: &Arc<FileReader>, coding: &Coding, chunks: &[PointChunk]) -> Option<Vec<PointChunk>> {
     let (first, last) = (chunks.first()?, chunks.last()?);
     let end = last.at + last.bytes;
     let mut mended = Vec::with_capacity(chunks.len());
@@ -27,7 +27,7 @@ pub fn borders(source: &Arc<Source>, coding: &Coding, chunks: &[Chunk]) -> Optio
             if points != chunk.points || bytes > end - at {
                 return None;
             }
-            mended.push(Chunk { at, bytes, ..*chunk });
+            mended.push(PointChunk { at, bytes, ..*chunk });
             at += bytes;
         }
     } else {
@@ -38,14 +38,14 @@ pub fn borders(source: &Arc<Source>, coding: &Coding, chunks: &[Chunk]) -> Optio
         }
         let points = last.first + last.points - first.first;
         let chunk_points = Some(u32::try_from(each).ok()?);
-        let layout = Layout::Stream { start: at, end, chunk_points, points, settled: true };
+        let layout = ChunkLayout::Stream { start: at, end, chunk_points, points, settled: true };
         let mut explorer = Explorer::new(source, coding, &layout, false).ok()?;
         for chunk in chunks {
             let explored = explorer.go_to(chunk.first - first.first + chunk.points, |_| {});
             if !matches!(explored.end, ExploredTo::Points) {
                 return None;
             }
-            mended.push(Chunk { at, bytes: explored.at - at, ..*chunk });
+            mended.push(PointChunk { at, bytes: explored.at - at, ..*chunk });
             at = explored.at;
         }
     }

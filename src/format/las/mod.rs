@@ -42,7 +42,7 @@ mod writer;
 pub use crs::{Crs, CrsSource};
 pub use error::LasError;
 pub use extra_bytes::UNDESCRIBED;
-pub use gps_time::GpsTime;
+pub use gps_time::GpsEpoch;
 pub use header::{Created, Header};
 pub use header_totals::returns_of;
 pub use layout::Layout;
@@ -56,7 +56,7 @@ pub use writer::{LasOptions, LasWriter};
 
 /// How much a file is believed, and how much is made of one that is broken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reading {
+enum ReadMode {
     /// Nothing is mended: the file may still be on its way.
     Strict,
     /// All points that it promises, or an error.

@@ -9,30 +9,30 @@ use std::sync::Arc;
 use laz::LazVlr;
 use laz::laszip::CompressorType;
 
-use super::behind::{Look, Reach, Records};
-use super::chunks::{Chunk, Chunking, Layout, Located, Locator};
+use super::behind::{PlainRecords, Reach, RecordsBehind};
+use super::chunks::{ChunkLayout, Chunking, Located, Locator, PointChunk};
 use super::coding::Coding;
-use super::declared_counts::{Behind, Claims, Evidence, Verdict, judge};
-use super::header::Front;
-use super::sequential::Turnstile;
-use super::source::Source;
+use super::declared_counts::{Behind, DeclaredCounts, Evidence, ResolvedCounts, judge};
+use super::header::RawHeader;
+use super::sequential::SequentialDecoder;
+use super::source::FileReader;
 use super::vlr::{self, Vlr};
-use super::{LasError, Reading};
+use super::{LasError, ReadMode};
 
 /// How to get at the points of a file.
 #[derive(Debug)]
-pub enum Body {
+pub enum PointBody {
     /// Records one behind the other, from this byte on.
     Plain { at: u64 },
     /// LAZ chunks, each on its own.
-    Chunks { coding: Coding, chunks: Vec<Chunk> },
+    Chunks { coding: Coding, chunks: Vec<PointChunk> },
     /// LAZ from front to back.
-    Stream(Box<Turnstile>),
+    Stream(Box<SequentialDecoder>),
 }
 
 /// What the points' part of a file turned out to be.
-pub struct Points {
-    pub body: Body,
+pub struct PointsPart {
+    pub body: PointBody,
     pub count: u64,
     pub missing: u64,
     pub record_length: usize,
@@ -42,7 +42,11 @@ pub struct Points {
 }
 
 /// The variable length records that mean something, the extended ones last.
-pub fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Result<Vec<Vlr>, LasError> {
+pub fn records(
+    source: &FileReader,
+    front: &RawHeader,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Vlr>, LasError> {
     let said = front.raw.number_of_variable_length_records;
     let mut records = vlr::read(source, front.size, front.points_at(), said, notes)?;
     if let Some((start, said)) = front.extended(source, notes)? {
@@ -56,42 +60,42 @@ pub fn records(source: &Source, front: &Front, notes: &mut Vec<String>) -> Resul
 const MOST_HOLES: u64 = 64 << 20;
 
 pub fn plain(
-    source: &Source,
-    front: &Front,
-    reading: Reading,
+    source: &FileReader,
+    front: &RawHeader,
+    reading: ReadMode,
     notes: &mut Vec<String>,
-) -> Result<Points, LasError> {
+) -> Result<PointsPart, LasError> {
     let length = u64::from(front.raw.point_data_record_length);
     let at = front.points_at();
     let returns = front.returns();
     let point_format = front.point_format;
-    let records = Records { source, at, length, point_format, raw: &front.raw, returns: &returns };
-    let claims = Claims::of(&front.raw);
+    let records = PlainRecords { source, at, length, point_format, raw: &front.raw, returns: &returns };
+    let claims = DeclaredCounts::of(&front.raw);
     claims.note_disagreement(notes);
-    let judged = |end: u64| -> Result<(Look, Verdict), LasError> {
+    let judged = |end: u64| -> Result<(RecordsBehind, ResolvedCounts), LasError> {
         let end = end.max(at);
         let look = records.look(claims.against((end - at) / length), end)?;
         let torn = look.rest > 0;
-        let Look { behind, room, header_is_exact, .. } = look;
+        let RecordsBehind { behind, room, header_is_exact, .. } = look;
         Ok((look, judge(&Evidence { claims, room, torn, behind, header_is_exact })))
     };
     let end = front.points_end(source)?;
     let (mut look, mut verdict) = judged(end.said)?;
     // Where something else is only said to begin, its place may be wrong.
-    if matches!(verdict, Verdict::TooFew { .. }) && end.said < end.certain {
+    if matches!(verdict, ResolvedCounts::TooFew { .. }) && end.said < end.certain {
         notes.push("its extended records or waveforms should begin among its points".to_string());
         (look, verdict) = judged(end.certain)?;
     }
     let there = verdict.there();
     let left = (look.room - there.min(look.room)) * length + look.rest;
     let reason = match verdict {
-        Verdict::Contradiction { .. } if left > 0 => {
+        ResolvedCounts::Contradiction { .. } if left > 0 => {
             format!("and {left} bytes behind them that are no whole one")
         }
-        Verdict::Contradiction { .. } => "and the header is true of the first ones alone".to_string(),
+        ResolvedCounts::Contradiction { .. } => "and the header is true of the first ones alone".to_string(),
         _ => format!("the last whole record ends at byte {}", at.min(source.bytes()) + there * length),
     };
-    if let Verdict::Counted(points) = verdict
+    if let ResolvedCounts::Counted(points) = verdict
         && left > 0
     {
         let what = if look.behind == Behind::Padding { "padding" } else { "no points" };
@@ -104,52 +108,56 @@ pub fn plain(
         return Err(LasError::header(source.path(), reason));
     }
     let (count, missing) = settle(source, verdict, &reason, look.rest > 0, reading, notes)?;
-    let complete = matches!(verdict, Verdict::Counted(_));
-    let (body, record_length) = (Body::Plain { at }, length as usize);
-    Ok(Points { body, count, missing, record_length, complete, most_in_last: None })
+    let complete = matches!(verdict, ResolvedCounts::Counted(_));
+    let (body, record_length) = (PointBody::Plain { at }, length as usize);
+    Ok(PointsPart { body, count, missing, record_length, complete, most_in_last: None })
 }
 
 /// What a verdict means for who opens a file: the points that are read and those that
 /// are missing, with a note, or an error with both numbers.
 fn settle(
-    source: &Source,
-    verdict: Verdict,
+    source: &FileReader,
+    verdict: ResolvedCounts,
     reason: &str,
     torn: bool,
-    reading: Reading,
+    reading: ReadMode,
     notes: &mut Vec<String>,
 ) -> Result<(u64, u64), LasError> {
     let (path, reason) = (source.path().to_path_buf(), reason.to_string());
     match verdict {
-        Verdict::Counted(points) => Ok((points, 0)),
-        Verdict::Proven { said, there } => {
+        ResolvedCounts::Counted(points) => Ok((points, 0)),
+        ResolvedCounts::Proven { said, there } => {
             notes
                 .push(format!("its header says {said} points, the file holds {there}; all of them are read"));
             Ok((there, 0))
         }
-        Verdict::TooFew { said, there } if reading == Reading::Readable => {
+        ResolvedCounts::TooFew { said, there } if reading == ReadMode::Readable => {
             notes.push(format!("{there} of its {said} points are there: {reason}"));
             Ok((there, said - there))
         }
-        Verdict::TooFew { said, there } => Err(LasError::Cut { path, readable: there, points: said, reason }),
-        Verdict::Contradiction { said, there } if reading == Reading::Readable => {
+        ResolvedCounts::TooFew { said, there } => {
+            Err(LasError::Cut { path, readable: there, points: said, reason })
+        }
+        ResolvedCounts::Contradiction { said, there } if reading == ReadMode::Readable => {
             notes.push(format!(
                 "its header says {said} points, {there} whole records are there, {reason}; all whole ones are read"
             ));
             // The record that is torn was a point.
             Ok((there, u64::from(torn)))
         }
-        Verdict::Contradiction { said, there } => Err(LasError::Contradiction { path, said, there, reason }),
+        ResolvedCounts::Contradiction { said, there } => {
+            Err(LasError::Contradiction { path, said, there, reason })
+        }
     }
 }
 
 pub fn compressed(
-    source: &Arc<Source>,
-    front: &Front,
+    source: &Arc<FileReader>,
+    front: &RawHeader,
     records: &[Vlr],
-    reading: Reading,
+    reading: ReadMode,
     notes: &mut Vec<String>,
-) -> Result<Points, LasError> {
+) -> Result<PointsPart, LasError> {
     let path = source.path();
     let record = records
         .iter()
@@ -175,7 +183,7 @@ pub fn compressed(
         start,
         end,
         written: bytes - source.holes(start, start + bytes).min(bytes),
-        claims: Claims::of(&front.raw),
+        claims: DeclaredCounts::of(&front.raw),
         reach: Reach::of_header(&front.raw),
         reading,
     };
@@ -188,10 +196,10 @@ pub fn compressed(
         _ => None,
     };
     let body = match layout {
-        Layout::Chunks(chunks) => Body::Chunks { coding, chunks },
-        layout => Body::Stream(Box::new(Turnstile::new(source.clone(), coding, layout))),
+        ChunkLayout::Chunks(chunks) => PointBody::Chunks { coding, chunks },
+        layout => PointBody::Stream(Box::new(SequentialDecoder::new(source.clone(), coding, layout))),
     };
-    Ok(Points { body, count, missing, record_length, complete, most_in_last })
+    Ok(PointsPart { body, count, missing, record_length, complete, most_in_last })
 }
 
 /// How a LASzip record says that chunks are cut. The compressor is the first

@@ -3,10 +3,10 @@
 
 use super::LasError;
 use super::behind::by_share;
-use super::chunks::{Chunk, Chunking, Layout, Listed, Located, Locator};
-use super::declared_counts::{Behind, Evidence, Verdict, judge};
+use super::chunks::{ChunkLayout, Chunking, Listed, Located, Locator, PointChunk};
+use super::declared_counts::{Behind, Evidence, ResolvedCounts, judge};
 use super::explore::{Explored, ExploredTo, Explorer};
-use super::{Reading, chunk_table};
+use super::{ReadMode, chunk_table};
 
 impl Locator<'_> {
     /// Chunks of `each` points, of which the last may have fewer.
@@ -36,7 +36,7 @@ impl Locator<'_> {
             if let Some(last) = listed.chunks.last_mut() {
                 last.points = points - last.first;
             }
-            return Ok(self.counted(Layout::Chunks(listed.chunks), points));
+            return Ok(self.counted(ChunkLayout::Chunks(listed.chunks), points));
         }
         if listed.is_whole() && !listed.chunks.is_empty() {
             return self.count_last(listed, u64::from(each));
@@ -55,9 +55,9 @@ impl Locator<'_> {
     /// The table accounts for every byte, but the header counts what it cannot hold.
     fn count_last(&self, mut listed: Listed, each: u64) -> Result<Located, LasError> {
         let Some(last) = listed.chunks.last_mut() else {
-            return Ok(self.counted(Layout::Chunks(Vec::new()), 0));
+            return Ok(self.counted(ChunkLayout::Chunks(Vec::new()), 0));
         };
-        let layout = Layout::Stream {
+        let layout = ChunkLayout::Stream {
             start: last.at,
             end: last.at + last.bytes,
             chunk_points: None,
@@ -84,7 +84,7 @@ impl Locator<'_> {
             Evidence { claims: self.claims, room: there, torn: false, behind, header_is_exact: false };
         let reason = format!("its chunk table lists {} chunks, and no byte is left", listed.chunks.len());
         let (verdict, complete) = (judge(&evidence), false);
-        Ok(Located { layout: Layout::Chunks(listed.chunks), verdict, complete, reason })
+        Ok(Located { layout: ChunkLayout::Chunks(listed.chunks), verdict, complete, reason })
     }
 
     /// Chunks of any number of points. Without their table nobody knows where they begin;
@@ -95,14 +95,14 @@ impl Locator<'_> {
             listed.trouble = Some(format!("its chunk table is empty, its header says {said} points"));
         }
         if let Some(reason) = listed.trouble {
-            if self.reading != Reading::Readable {
+            if self.reading != ReadMode::Readable {
                 let path = self.source.path().to_path_buf();
                 return Err(LasError::Damaged { path, place: "every chunk".to_string(), reason });
             }
             let reason = format!("{reason}; without it nobody knows where its chunks begin");
             notes.push(reason.clone());
-            let verdict = Verdict::TooFew { said: self.claims.largest(), there: 0 };
-            return Ok(Located { layout: Layout::Chunks(Vec::new()), verdict, complete: false, reason });
+            let verdict = ResolvedCounts::TooFew { said: self.claims.largest(), there: 0 };
+            return Ok(Located { layout: ChunkLayout::Chunks(Vec::new()), verdict, complete: false, reason });
         }
         let (there, spare) = (listed.points(), listed.limit - listed.end);
         let left = self.claims.against(there).saturating_sub(there);
@@ -112,7 +112,7 @@ impl Locator<'_> {
             notes.push(format!(
                 "{reason}: the last {left} points are taken to be in the {spare} bytes in front of it"
             ));
-            listed.chunks.push(Chunk { first: there, points: left, at: listed.end, bytes: spare });
+            listed.chunks.push(PointChunk { first: there, points: left, at: listed.end, bytes: spare });
         } else if spare > 0 {
             reason = format!("{spare} bytes between its chunks and their table belong to nothing");
             notes.push(reason.clone());
@@ -126,7 +126,12 @@ impl Locator<'_> {
             return Err(LasError::header(self.source.path(), reason));
         }
         let complete = spare == 0 && self.claims.are(listed.points());
-        Ok(Located { layout: Layout::Chunks(listed.chunks), verdict: judge(&evidence), complete, reason })
+        Ok(Located {
+            layout: ChunkLayout::Chunks(listed.chunks),
+            verdict: judge(&evidence),
+            complete,
+            reason,
+        })
     }
 
     /// One point behind the other. Where it does not take long, or where what can be read
@@ -140,8 +145,8 @@ impl Locator<'_> {
         notes: &mut Vec<String>,
     ) -> Result<Located, LasError> {
         let layout =
-            |points: u64, settled: bool| Layout::Stream { start, end, chunk_points, points, settled };
-        if let (Reading::Strict, Some(reason)) = (self.reading, &reason) {
+            |points: u64, settled: bool| ChunkLayout::Stream { start, end, chunk_points, points, settled };
+        if let (ReadMode::Strict, Some(reason)) = (self.reading, &reason) {
             let (path, place) = (self.source.path().to_path_buf(), "its chunk table".to_string());
             return Err(LasError::Damaged { path, place, reason: reason.clone() });
         }
@@ -151,12 +156,12 @@ impl Locator<'_> {
         let said = self.claims.said().min(self.most());
         let agreed = self.claims.by_return == self.claims.said();
         // LASzip 1 knew no chunks: its files are whole without a table.
-        if self.chunking == Chunking::Whole && said > 0 && self.reading != Reading::Readable {
+        if self.chunking == Chunking::Whole && said > 0 && self.reading != ReadMode::Readable {
             return Ok(self.counted(layout(said, agreed), said));
         }
         let mut counts: Vec<u64> = self.claims.candidates().filter(|count| *count <= self.most()).collect();
         counts.sort_unstable();
-        let bounded = self.reading != Reading::Readable;
+        let bounded = self.reading != ReadMode::Readable;
         let mut explorer = Explorer::new(self.source, self.coding, &layout(u64::MAX, true), bounded)?;
         let chunks = |points: u64| chunk_points.map_or(0, |each| points.div_ceil(u64::from(each)));
         let mut complete = self.counted(layout(said, false), said);
@@ -173,7 +178,7 @@ impl Locator<'_> {
                 {
                     return Ok(Located {
                         layout: layout(count, true),
-                        verdict: Verdict::Counted(count),
+                        verdict: ResolvedCounts::Counted(count),
                         ..complete
                     });
                 }
@@ -181,7 +186,8 @@ impl Locator<'_> {
                 ExploredTo::Broken(broken) => {
                     let reason = complete.reason.clone();
                     let reason = if reason.is_empty() { broken.reason } else { reason };
-                    let verdict = Verdict::TooFew { said: self.claims.largest(), there: explored.points };
+                    let verdict =
+                        ResolvedCounts::TooFew { said: self.claims.largest(), there: explored.points };
                     return Ok(Located {
                         layout: layout(explored.points, true),
                         verdict,
@@ -212,7 +218,7 @@ impl Locator<'_> {
         let torn = explored.at < end || !matches!(explored.end, ExploredTo::Points);
         let evidence = Evidence { claims: self.claims, room: there, torn, behind, header_is_exact: false };
         let verdict = judge(&evidence);
-        if let (Verdict::Counted(points), true) = (verdict, behind != Behind::Nothing) {
+        if let (ResolvedCounts::Counted(points), true) = (verdict, behind != Behind::Nothing) {
             notes.push(format!("what lies behind its {points} points is none, and is ignored"));
         }
         let reason = match explored.end {
@@ -233,12 +239,12 @@ impl Locator<'_> {
 
     fn explore(
         &self,
-        layout: &Layout,
+        layout: &ChunkLayout,
         until: u64,
         mut each: impl FnMut(&[u8]),
     ) -> Result<Explored, LasError> {
         let mut explorer =
-            Explorer::new(self.source, self.coding, layout, self.reading != Reading::Readable)?;
+            Explorer::new(self.source, self.coding, layout, self.reading != ReadMode::Readable)?;
         let length = self.coding.record_length;
         self.read(explorer.go_to(until, |records| records.chunks_exact(length).for_each(&mut each)))
     }

@@ -6,16 +6,16 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use super::LasError;
-use super::chunks::{Chunk, Layout};
+use super::chunks::{ChunkLayout, PointChunk};
 use super::coding::Coding;
 use super::compatible::{self, Compatible};
 use super::gps_time::TimeShift;
 use super::header::{self, Header};
-use super::points::{self, Body};
-use super::sequential::Turnstile;
-use super::source::Source;
+use super::points::{self, PointBody};
+use super::sequential::SequentialDecoder;
+use super::source::FileReader;
 use super::stream::Broken;
-use super::{Reading, crs, extra_bytes, mend};
+use super::{ReadMode, crs, extra_bytes, mend};
 use crate::platform::disk::others::Links;
 
 /// Decoded bytes of a slice at most, however many points were asked for.
@@ -27,11 +27,11 @@ const MOST_CHUNK: u64 = 4_000_000;
 /// A LAS or LAZ file, open for reading.
 #[derive(Debug)]
 pub struct LasFile {
-    pub(super) source: Arc<Source>,
+    pub(super) source: Arc<FileReader>,
     pub(super) header: Header,
-    pub(super) body: Body,
+    pub(super) body: PointBody,
     /// Where its chunks lie, if that is not where their table says.
-    pub(super) mended: OnceLock<Option<Vec<Chunk>>>,
+    pub(super) mended: OnceLock<Option<Vec<PointChunk>>>,
     complete: bool,
     /// Points that the last chunk may have, where only its bytes say how many it does.
     pub(super) most_in_last: Option<u64>,
@@ -60,17 +60,17 @@ impl LasFile {
 
     /// The same; links may be refused, as below a watched folder.
     pub fn open_with(path: &Path, links: Links) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Whole, links)
+        LasFile::open_as(path, ReadMode::Whole, links)
     }
 
     /// Opens a file in a watched folder, which may still be on its way: quickly,
     /// through no link, and without the lenience that [`LasFile::open`] has for LAZ without a sound chunk table.
     pub fn open_strictly(path: &Path) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Strict, Links::Refused)
+        LasFile::open_as(path, ReadMode::Strict, Links::Refused)
     }
 
-    pub(super) fn open_as(path: &Path, reading: Reading, links: Links) -> Result<LasFile, LasError> {
-        let source = Arc::new(Source::open(path, links)?);
+    pub(super) fn open_as(path: &Path, reading: ReadMode, links: Links) -> Result<LasFile, LasError> {
+        let source = Arc::new(FileReader::open(path, links)?);
         let mut notes = Vec::new();
         let front = header::read(&source, &mut notes)?;
         let records = points::records(&source, &front, &mut notes)?;
@@ -145,10 +145,14 @@ impl LasFile {
     pub fn bound_slices(&mut self, bytes: u64) {
         let length = self.header.record_length.max(self.stored_length()) as u64;
         self.most_slice = bytes.clamp(length, MOST_SLICE);
-        let Body::Chunks { coding, chunks } = &mut self.body else { return };
+        let PointBody::Chunks { coding, chunks } = &mut self.body else { return };
         if chunks.iter().any(|chunk| chunk.points > MOST_CHUNK || chunk.points * length > self.most_slice) {
-            let layout = Layout::Chunks(std::mem::take(chunks));
-            self.body = Body::Stream(Box::new(Turnstile::new(self.source.clone(), coding.clone(), layout)));
+            let layout = ChunkLayout::Chunks(std::mem::take(chunks));
+            self.body = PointBody::Stream(Box::new(SequentialDecoder::new(
+                self.source.clone(),
+                coding.clone(),
+                layout,
+            )));
         }
     }
 
@@ -164,7 +168,7 @@ impl LasFile {
         let length = self.header.record_length.max(self.stored_length());
         let most = (self.most_slice / length as u64).clamp(1, u64::from(u32::MAX));
         let wanted = u64::from(points.max(1)).min(most);
-        let Body::Chunks { chunks, .. } = &self.body else {
+        let PointBody::Chunks { chunks, .. } = &self.body else {
             return (0..self.header.points.div_ceil(wanted))
                 .map(|slice| slice * wanted)
                 .map(|first| Slice { first, points: wanted.min(self.header.points - first) as u32 })
@@ -225,16 +229,16 @@ impl LasFile {
             bytes => records.resize(bytes, 0),
         };
         match &self.body {
-            Body::Plain { at } => {
+            PointBody::Plain { at } => {
                 room(records);
                 self.source.read_exact_at(records, at + slice.first * length as u64)
             }
-            Body::Chunks { coding, chunks } => {
+            PointBody::Chunks { coding, chunks } => {
                 let chunks = self.chunks_of(slice, chunks)?;
                 room(records);
                 self.decode(coding, chunks, records)
             }
-            Body::Stream(turnstile) => {
+            PointBody::Stream(turnstile) => {
                 room(records);
                 turnstile.read(slice.first, records).map_err(|broken| self.broken(slice, broken))
             }
@@ -247,7 +251,7 @@ impl LasFile {
         self.source.check_unchanged()
     }
 
-    fn chunks_of<'a>(&self, slice: Slice, chunks: &'a [Chunk]) -> Result<&'a [Chunk], LasError> {
+    fn chunks_of<'a>(&self, slice: Slice, chunks: &'a [PointChunk]) -> Result<&'a [PointChunk], LasError> {
         let end = slice.first + u64::from(slice.points);
         let from = chunks.partition_point(|chunk| chunk.first < slice.first);
         let to = chunks.partition_point(|chunk| chunk.first < end);
@@ -262,7 +266,7 @@ impl LasFile {
     pub(super) fn decode(
         &self,
         coding: &Coding,
-        chunks: &[Chunk],
+        chunks: &[PointChunk],
         records: &mut [u8],
     ) -> Result<(), LasError> {
         let (Some(first), Some(last)) = (chunks.first(), chunks.last()) else { return Ok(()) };
@@ -290,8 +294,13 @@ impl LasFile {
     }
 
     /// Decodes a chunk from where it really lies, if the table was wrong about that.
-    fn decode_mended(&self, coding: &Coding, chunk: &Chunk, records: &mut [u8]) -> Result<bool, LasError> {
-        let Body::Chunks { chunks, .. } = &self.body else { return Ok(false) };
+    fn decode_mended(
+        &self,
+        coding: &Coding,
+        chunk: &PointChunk,
+        records: &mut [u8],
+    ) -> Result<bool, LasError> {
+        let PointBody::Chunks { chunks, .. } = &self.body else { return Ok(false) };
         let mended = self.mended.get_or_init(|| mend::borders(&self.source, coding, chunks));
         let Some(mended) = mended else { return Ok(false) };
         let found = mended.binary_search_by_key(&chunk.first, |other| other.first);

@@ -6,11 +6,11 @@
 //! become the very bytes that they were decoded from, to the last, only if they are
 //! those that somebody encoded, all of them and none invented behind their end.
 
-use super::chunks::{Chunk, Layout};
+use super::chunks::{ChunkLayout, PointChunk};
 use super::coding::Coding;
 use super::explore::{ExploredTo, Explorer};
-use super::points::Body;
-use super::source::Source;
+use super::points::PointBody;
+use super::source::FileReader;
 use super::{LasError, LasFile, Slice};
 
 /// A decoder that goes on behind the last point comes to the end of the bytes within
@@ -19,8 +19,8 @@ const MOST_TRIED: u64 = 16;
 
 impl LasFile {
     /// The last chunk as it is known, and the points that it really has, if others.
-    pub(super) fn last_recounted(&self) -> Option<(Chunk, u64)> {
-        let Body::Chunks { coding, chunks } = &self.body else { return None };
+    pub(super) fn last_recounted(&self) -> Option<(PointChunk, u64)> {
+        let PointBody::Chunks { coding, chunks } = &self.body else { return None };
         let chunk = chunks.last()?;
         let most = self.most_in_last?.min(self.most_slice / coding.record_length as u64);
         let points = points_of(&self.source, coding, chunk, most)?;
@@ -45,10 +45,10 @@ impl LasFile {
 }
 
 /// The points of a chunk that has at most `most`; nothing where its bytes are no proof.
-pub fn points_of(source: &Source, coding: &Coding, chunk: &Chunk, most: u64) -> Option<u64> {
-    let Chunk { at, bytes, .. } = *chunk;
+pub fn points_of(source: &FileReader, coding: &Coding, chunk: &PointChunk, most: u64) -> Option<u64> {
+    let PointChunk { at, bytes, .. } = *chunk;
     let end = at.checked_add(bytes)?;
-    let layout = Layout::Stream { start: at, end, chunk_points: None, points: most, settled: true };
+    let layout = ChunkLayout::Stream { start: at, end, chunk_points: None, points: most, settled: true };
     let mut records = Vec::new();
     let explored = Explorer::new(source, coding, &layout, false)
         .ok()?

@@ -9,12 +9,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use super::chunks::Chunk;
+use super::chunks::PointChunk;
 use super::coding::Coding;
-use super::points::Body;
-use super::sequential::Turnstile;
+use super::points::PointBody;
+use super::sequential::SequentialDecoder;
 use super::stream::SKIP;
-use super::{LasError, LasFile, Reading};
+use super::{LasError, LasFile, ReadMode};
 use crate::platform::disk::others::Links;
 
 /// Lost chunks that are named one by one.
@@ -31,7 +31,7 @@ pub enum Checked {
 
 /// A chunk that cannot be decoded, and why.
 struct Lost {
-    chunk: Chunk,
+    chunk: PointChunk,
     reason: String,
 }
 
@@ -44,7 +44,7 @@ impl LasFile {
 
     /// The same; links may be refused, as below a watched folder.
     pub fn open_readable_with(path: &Path, links: Links) -> Result<LasFile, LasError> {
-        LasFile::open_as(path, Reading::Readable, links)
+        LasFile::open_as(path, ReadMode::Readable, links)
     }
 
     /// Decodes a LAZ file to the end, leaves out what cannot be, and notes it.
@@ -52,8 +52,8 @@ impl LasFile {
     /// `false`. Works on the threads of the current rayon pool.
     pub fn leave_out_damaged(&mut self, go_on: impl Fn(u64) -> bool + Sync) -> Result<Checked, LasError> {
         match &self.body {
-            Body::Plain { .. } => Ok(Checked::Whole),
-            Body::Chunks { coding, chunks } => match self.lost(coding, chunks, &go_on)? {
+            PointBody::Plain { .. } => Ok(Checked::Whole),
+            PointBody::Chunks { coding, chunks } => match self.lost(coding, chunks, &go_on)? {
                 Some(mut lost) => {
                     self.keep_recounted(&mut lost);
                     self.drop_chunks(&lost);
@@ -61,7 +61,7 @@ impl LasFile {
                 }
                 None => Ok(Checked::Stopped),
             },
-            Body::Stream(turnstile) => match self.sound(turnstile, &go_on)? {
+            PointBody::Stream(turnstile) => match self.sound(turnstile, &go_on)? {
                 Some((points, reason)) => {
                     self.end_at(points, reason);
                     Ok(Checked::Whole)
@@ -75,7 +75,7 @@ impl LasFile {
     fn lost(
         &self,
         coding: &Coding,
-        chunks: &[Chunk],
+        chunks: &[PointChunk],
         go_on: &(impl Fn(u64) -> bool + Sync),
     ) -> Result<Option<Vec<Lost>>, LasError> {
         let stopped = AtomicBool::new(false);
@@ -103,7 +103,7 @@ impl LasFile {
     fn keep_recounted(&mut self, lost: &mut Vec<Lost>) {
         let Some(last) = lost.last().map(|lost| lost.chunk) else { return };
         let Some((chunk, points)) = self.last_recounted().filter(|(chunk, _)| *chunk == last) else { return };
-        let Body::Chunks { chunks, .. } = &mut self.body else { return };
+        let PointBody::Chunks { chunks, .. } = &mut self.body else { return };
         chunks.last_mut().into_iter().for_each(|chunk| chunk.points = points);
         lost.pop();
         let (said, there) = (self.header.points, chunk.first + points);
@@ -118,7 +118,7 @@ impl LasFile {
     }
 
     fn drop_chunks(&mut self, lost: &[Lost]) {
-        let Body::Chunks { chunks, .. } = &mut self.body else { return };
+        let PointBody::Chunks { chunks, .. } = &mut self.body else { return };
         if let Some(Some(mended)) = self.mended.take() {
             *chunks = mended;
         }
@@ -131,7 +131,7 @@ impl LasFile {
         let points: u64 = lost.iter().map(|lost| lost.chunk.points).sum();
         let notes = &mut self.header.notes;
         for Lost { chunk, reason } in lost.iter().take(MOST_NAMED) {
-            let Chunk { first, points, at, bytes } = chunk;
+            let PointChunk { first, points, at, bytes } = chunk;
             let last = first + points - 1;
             notes.push(format!(
                 "the points {first} to {last} are lost: their LAZ chunk of {bytes} bytes at byte {at} cannot be \
@@ -152,7 +152,7 @@ impl LasFile {
     /// `None` where stopped.
     fn sound(
         &self,
-        turnstile: &Turnstile,
+        turnstile: &SequentialDecoder,
         go_on: &impl Fn(u64) -> bool,
     ) -> Result<Option<(u64, Option<String>)>, LasError> {
         let all = self.header.points;

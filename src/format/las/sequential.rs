@@ -11,35 +11,35 @@
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::chunks::Layout;
+use super::chunks::ChunkLayout;
 use super::coding::Coding;
-use super::source::Source;
-use super::stream::{Broken, SKIP, Stream};
+use super::source::FileReader;
+use super::stream::{Broken, PointStream, SKIP};
 
 /// How long a thread waits for the slices before its own without seeing any
 /// progress. Tests have less of it.
 const PATIENCE: Duration = if cfg!(test) { Duration::from_millis(100) } else { Duration::from_secs(3) };
 
 #[derive(Debug)]
-pub struct Turnstile {
-    source: Arc<Source>,
+pub struct SequentialDecoder {
+    source: Arc<FileReader>,
     coding: Coding,
-    layout: Layout,
-    state: Mutex<State>,
+    layout: ChunkLayout,
+    state: Mutex<SequentialState>,
     moved: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
-    stream: Option<Stream>,
+struct SequentialState {
+    stream: Option<PointStream>,
     /// The first point that was not decoded yet.
     next: u64,
     broken: Option<Broken>,
 }
 
-impl Turnstile {
-    pub fn new(source: Arc<Source>, coding: Coding, layout: Layout) -> Turnstile {
-        Turnstile { source, coding, layout, state: Mutex::default(), moved: Condvar::new() }
+impl SequentialDecoder {
+    pub fn new(source: Arc<FileReader>, coding: Coding, layout: ChunkLayout) -> SequentialDecoder {
+        SequentialDecoder { source, coding, layout, state: Mutex::default(), moved: Condvar::new() }
     }
 
     /// Fills `records` with the points from `first` on.
@@ -49,7 +49,7 @@ impl Turnstile {
         // state would be as good as any.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if first == 0 {
-            *state = State::default();
+            *state = SequentialState::default();
         }
         loop {
             if let Some(broken) = &state.broken
@@ -70,17 +70,17 @@ impl Turnstile {
         }
         let result = self.advance(&mut state, first, records);
         if let Err(broken) = &result {
-            *state = State { broken: Some(broken.clone()), ..State::default() };
+            *state = SequentialState { broken: Some(broken.clone()), ..SequentialState::default() };
         }
         drop(state);
         self.moved.notify_all();
         result
     }
 
-    fn advance(&self, state: &mut State, first: u64, records: &mut [u8]) -> Result<(), Broken> {
+    fn advance(&self, state: &mut SequentialState, first: u64, records: &mut [u8]) -> Result<(), Broken> {
         let mut stream = match state.stream.take() {
             Some(stream) if stream.decoded <= first => stream,
-            _ => Stream::new(self.source.clone(), &self.layout),
+            _ => PointStream::new(self.source.clone(), &self.layout),
         };
         let mut nothing = Vec::new();
         while stream.decoded < first {

@@ -23,29 +23,29 @@ const MOST_EXTENTS: usize = 1 << 16;
 static KEPT: AtomicUsize = AtomicUsize::new(0);
 
 #[derive(Debug)]
-pub struct Source {
-    kept: Option<Kept>,
+pub struct FileReader {
+    kept: Option<PooledFile>,
     path: PathBuf,
     links: Links,
-    opened: Identity,
+    opened: FileIdentity,
 }
 
 /// A handle that counts.
 #[derive(Debug)]
-struct Kept(File);
+struct PooledFile(File);
 
-impl Kept {
-    fn new(file: File) -> Option<Kept> {
+impl PooledFile {
+    fn new(file: File) -> Option<PooledFile> {
         // Counted first, so that no two threads take the last place.
         let kept = KEPT.fetch_add(1, Ordering::Relaxed) < MOST_KEPT;
         if !kept {
             KEPT.fetch_sub(1, Ordering::Relaxed);
         }
-        kept.then(|| Kept(file))
+        kept.then(|| PooledFile(file))
     }
 }
 
-impl Drop for Kept {
+impl Drop for PooledFile {
     fn drop(&mut self) {
         KEPT.fetch_sub(1, Ordering::Relaxed);
     }
@@ -53,7 +53,7 @@ impl Drop for Kept {
 
 /// What tells a file from one that took its place or grew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Identity {
+struct FileIdentity {
     device: u64,
     inode: u64,
     bytes: u64,
@@ -61,9 +61,9 @@ struct Identity {
     modified: (i64, i64),
 }
 
-impl Identity {
-    fn of(metadata: &Metadata) -> Identity {
-        Identity {
+impl FileIdentity {
+    fn of(metadata: &Metadata) -> FileIdentity {
+        FileIdentity {
             device: metadata.dev(),
             inode: metadata.ino(),
             bytes: metadata.len(),
@@ -72,24 +72,26 @@ impl Identity {
     }
 }
 
-impl Source {
-    pub fn open(path: &Path, links: Links) -> Result<Source, LasError> {
+impl FileReader {
+    pub fn open(path: &Path, links: Links) -> Result<FileReader, LasError> {
         let (file, metadata) = others::open_file(path, links).map_err(|error| match error.kind() {
             io::ErrorKind::InvalidInput => LasError::not_las(path, error.to_string()),
             _ => LasError::io("open", path, error),
         })?;
-        let opened = Identity::of(&metadata);
-        Ok(Source { kept: Kept::new(file), path: path.to_path_buf(), links, opened })
+        let opened = FileIdentity::of(&metadata);
+        Ok(FileReader { kept: PooledFile::new(file), path: path.to_path_buf(), links, opened })
     }
 
     /// A second handle on the same file.
-    pub fn reopen(&self) -> Result<Source, LasError> {
+    pub fn reopen(&self) -> Result<FileReader, LasError> {
         let file = match &self.kept {
-            Some(Kept(file)) => Some(file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?),
+            Some(PooledFile(file)) => {
+                Some(file.try_clone().map_err(|e| LasError::io("open", &self.path, e))?)
+            }
             None => None,
         };
-        let kept = file.and_then(Kept::new);
-        Ok(Source { kept, path: self.path.clone(), links: self.links, opened: self.opened })
+        let kept = file.and_then(PooledFile::new);
+        Ok(FileReader { kept, path: self.path.clone(), links: self.links, opened: self.opened })
     }
 
     /// Reads by the handle that is kept, or by one for this read alone.
@@ -100,7 +102,7 @@ impl Source {
                 _ => LasError::io("read", &self.path, error),
             })
         };
-        if let Some(Kept(file)) = &self.kept {
+        if let Some(PooledFile(file)) = &self.kept {
             return read(file);
         }
         let (file, now) = others::open_file(&self.path, self.links).map_err(|e| self.gone("open", e))?;
@@ -125,7 +127,7 @@ impl Source {
 
     /// Its length and the time of its last change, when it was opened.
     pub fn stamp(&self) -> String {
-        let Identity { bytes, modified: (seconds, nanos), .. } = self.opened;
+        let FileIdentity { bytes, modified: (seconds, nanos), .. } = self.opened;
         format!("{bytes} {seconds}.{nanos:09}")
     }
 
@@ -138,7 +140,7 @@ impl Source {
         // By its path, too: a file that was replaced lives on behind the
         // handle, but it is no longer what the user means.
         let now = others::look_at(&self.path, self.links).map_err(|e| self.gone("look at", e))?;
-        let now = Identity::of(&now);
+        let now = FileIdentity::of(&now);
         let then = self.opened;
         if now.bytes != then.bytes {
             return Err(self.changed(&format!("it had {} bytes and now has {}", then.bytes, now.bytes)));

@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use laz::record::RecordDecompressor;
 
-use super::chunks::{Chunk, Layout};
+use super::chunks::{ChunkLayout, PointChunk};
 use super::coding::{Coding, guard};
-use super::source::Source;
+use super::source::FileReader;
 use super::{chunk_table, fields};
 
 /// Points that are decoded into nothing at a time.
@@ -30,28 +30,28 @@ pub struct Broken {
 }
 
 /// A place in the stream of points.
-pub struct Stream {
+pub struct PointStream {
     /// Points that came out so far.
     pub decoded: u64,
     /// The first point of the current chunk.
     chunk_first: u64,
     /// Points that are left in the current chunk.
     left: u64,
-    /// The next entry of [`Layout::Chunks`].
+    /// The next entry of [`ChunkLayout::Chunks`].
     next_chunk: usize,
-    source: Arc<Source>,
-    state: Decoder,
+    source: Arc<FileReader>,
+    state: StreamDecoder,
 }
 
 /// Between chunks there is only the window.
-enum Decoder {
+enum StreamDecoder {
     Idle(Window),
     Running(Box<dyn RecordDecompressor<Window> + Send>),
     /// Only while one becomes the other.
     Gone,
 }
 
-impl std::fmt::Debug for Stream {
+impl std::fmt::Debug for PointStream {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Stream")
             .field("decoded", &self.decoded)
@@ -60,21 +60,35 @@ impl std::fmt::Debug for Stream {
     }
 }
 
-impl Stream {
-    pub fn new(source: Arc<Source>, layout: &Layout) -> Stream {
+impl PointStream {
+    pub fn new(source: Arc<FileReader>, layout: &ChunkLayout) -> PointStream {
         let (position, end) = match layout {
-            Layout::Chunks(chunks) => (
+            ChunkLayout::Chunks(chunks) => (
                 chunks.first().map_or(0, |chunk| chunk.at),
                 chunks.last().map_or(0, |chunk| chunk.at + chunk.bytes),
             ),
-            Layout::Stream { start, end, .. } => (*start, *end),
+            ChunkLayout::Stream { start, end, .. } => (*start, *end),
         };
-        let window =
-            BufReader::with_capacity(1 << 16, Range { source: source.clone(), position, end, failed: false });
-        Stream { decoded: 0, chunk_first: 0, left: 0, next_chunk: 0, source, state: Decoder::Idle(window) }
+        let window = BufReader::with_capacity(
+            1 << 16,
+            ByteWindow { source: source.clone(), position, end, failed: false },
+        );
+        PointStream {
+            decoded: 0,
+            chunk_first: 0,
+            left: 0,
+            next_chunk: 0,
+            source,
+            state: StreamDecoder::Idle(window),
+        }
     }
 
-    pub fn decode(&mut self, coding: &Coding, layout: &Layout, records: &mut [u8]) -> Result<(), Broken> {
+    pub fn decode(
+        &mut self,
+        coding: &Coding,
+        layout: &ChunkLayout,
+        records: &mut [u8],
+    ) -> Result<(), Broken> {
         let mut rest = records;
         while !rest.is_empty() {
             if self.left == 0 {
@@ -94,16 +108,18 @@ impl Stream {
     /// Where the next byte lies that no point has used.
     pub fn position(&mut self) -> u64 {
         let window = match &mut self.state {
-            Decoder::Running(decoder) => decoder.get_mut(),
-            Decoder::Idle(window) => window,
-            Decoder::Gone => return 0,
+            StreamDecoder::Running(decoder) => decoder.get_mut(),
+            StreamDecoder::Idle(window) => window,
+            StreamDecoder::Gone => return 0,
         };
         window.get_ref().position - window.buffer().len() as u64
     }
 
     /// Behind the last point nothing may be left that could be another.
-    fn check_end(&mut self, layout: &Layout) -> Result<(), Broken> {
-        let Layout::Stream { end, chunk_points, points, settled: false, .. } = layout else { return Ok(()) };
+    fn check_end(&mut self, layout: &ChunkLayout) -> Result<(), Broken> {
+        let ChunkLayout::Stream { end, chunk_points, points, settled: false, .. } = layout else {
+            return Ok(());
+        };
         if self.decoded != *points {
             return Ok(());
         }
@@ -122,7 +138,7 @@ impl Stream {
 
     /// Decodes within the current chunk.
     fn run(&mut self, coding: &Coding, records: &mut [u8]) -> Result<(), Broken> {
-        let Decoder::Running(decoder) = &mut self.state else {
+        let StreamDecoder::Running(decoder) = &mut self.state else {
             return Err(self.broken("its decoder is gone".to_string()));
         };
         let mut done = 0;
@@ -139,26 +155,26 @@ impl Stream {
     }
 
     /// Starts the next chunk's decoder.
-    fn next(&mut self, coding: &Coding, layout: &Layout) -> Result<(), String> {
+    fn next(&mut self, coding: &Coding, layout: &ChunkLayout) -> Result<(), String> {
         self.close(layout)?;
         self.chunk_first = self.decoded;
-        let Decoder::Idle(mut window) = std::mem::replace(&mut self.state, Decoder::Gone) else {
+        let StreamDecoder::Idle(mut window) = std::mem::replace(&mut self.state, StreamDecoder::Gone) else {
             return Err("its decoder is gone".to_string());
         };
         match layout {
-            Layout::Chunks(chunks) => {
+            ChunkLayout::Chunks(chunks) => {
                 let chunk = chunks.get(self.next_chunk).ok_or("it has no further chunk")?;
                 self.next_chunk += 1;
                 if let Err(reason) = check_layers(window.get_mut(), coding, chunk) {
-                    self.state = Decoder::Idle(window);
+                    self.state = StreamDecoder::Idle(window);
                     return Err(reason);
                 }
                 window.seek(SeekFrom::Start(chunk.at)).map_err(|e| e.to_string())?;
                 self.left = chunk.points;
             }
             // Nobody has held the sizes of its layers against the file.
-            Layout::Stream { .. } if coding.layered => return Err("layers lie in chunks".to_string()),
-            Layout::Stream { chunk_points, .. } => {
+            ChunkLayout::Stream { .. } if coding.layered => return Err("layers lie in chunks".to_string()),
+            ChunkLayout::Stream { chunk_points, .. } => {
                 self.left = chunk_points.map_or(u64::MAX, u64::from);
             }
         }
@@ -170,18 +186,18 @@ impl Stream {
                 Box::new(fields::sequential(&coding.items, window)?)
             })
         })?;
-        self.state = Decoder::Running(decoder);
+        self.state = StreamDecoder::Running(decoder);
         Ok(())
     }
 
     /// Ends the current chunk's decoder; what it left over gives damage away.
-    fn close(&mut self, layout: &Layout) -> Result<(), String> {
-        match std::mem::replace(&mut self.state, Decoder::Gone) {
-            Decoder::Running(decoder) => {
+    fn close(&mut self, layout: &ChunkLayout) -> Result<(), String> {
+        match std::mem::replace(&mut self.state, StreamDecoder::Gone) {
+            StreamDecoder::Running(decoder) => {
                 let window = decoder.box_into_inner();
                 let at = window.get_ref().position - window.buffer().len() as u64;
-                self.state = Decoder::Idle(window);
-                if let Layout::Chunks(chunks) = layout
+                self.state = StreamDecoder::Idle(window);
+                if let ChunkLayout::Chunks(chunks) = layout
                     && let Some(chunk) = self.next_chunk.checked_sub(1).and_then(|i| chunks.get(i))
                     && at != chunk.at + chunk.bytes
                 {
@@ -195,13 +211,13 @@ impl Stream {
 
     fn broken(&mut self, reason: String) -> Broken {
         let (ended, unread) = match &mut self.state {
-            Decoder::Running(decoder) => {
+            StreamDecoder::Running(decoder) => {
                 let window = decoder.get_mut();
                 let ended = window.fill_buf().is_ok_and(<[u8]>::is_empty);
                 (ended, window.get_ref().failed)
             }
-            Decoder::Idle(window) => (false, window.get_ref().failed),
-            Decoder::Gone => (false, false),
+            StreamDecoder::Idle(window) => (false, window.get_ref().failed),
+            StreamDecoder::Gone => (false, false),
         };
         let sound = if ended { self.decoded } else { self.chunk_first };
         Broken { readable: self.decoded, sound, reason, ended: ended && !unread, unread }
@@ -210,7 +226,7 @@ impl Stream {
 
 /// As in [`Coding::decode`]: the layers must be those of the chunk before
 /// `laz` makes room for them.
-fn check_layers(range: &mut Range, coding: &Coding, chunk: &Chunk) -> Result<(), String> {
+fn check_layers(range: &mut ByteWindow, coding: &Coding, chunk: &PointChunk) -> Result<(), String> {
     if !coding.layered {
         return Ok(());
     }
@@ -231,18 +247,18 @@ fn check_layers(range: &mut Range, coding: &Coding, chunk: &Chunk) -> Result<(),
     }
 }
 
-type Window = BufReader<Range>;
+type Window = BufReader<ByteWindow>;
 
 /// A part of the file as a stream.
-struct Range {
-    source: Arc<Source>,
+struct ByteWindow {
+    source: Arc<FileReader>,
     position: u64,
     end: u64,
     /// A read failed; the decoder tells no more of that than of broken bytes.
     failed: bool,
 }
 
-impl Read for Range {
+impl Read for ByteWindow {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let most = bytes.len().min(self.end.saturating_sub(self.position) as usize);
         let read = self.source.read_at(&mut bytes[..most], self.position);
@@ -253,7 +269,7 @@ impl Read for Range {
     }
 }
 
-impl Seek for Range {
+impl Seek for ByteWindow {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let target = match to {
             SeekFrom::Start(at) => Some(at),

@@ -3,7 +3,7 @@
 //! a test file claims 1 069 128 089 of them in 14 kB.
 
 use super::error::LasError;
-use super::source::Source;
+use super::source::FileReader;
 use super::text;
 
 /// Bytes in front of a record's data, and of an extended one's.
@@ -68,7 +68,7 @@ fn is_of_crs(user: &str, id: u16) -> bool {
 
 /// The records that lie between the header and the points.
 pub fn read(
-    source: &Source,
+    source: &FileReader,
     start: u64,
     end: u64,
     said: u32,
@@ -115,7 +115,7 @@ pub fn read(
 /// The extended records, from `start` to the end of the file. What is not needed is
 /// passed over, and so is what is needed once and comes again.
 pub fn read_extended(
-    source: &Source,
+    source: &FileReader,
     start: u64,
     said: u32,
     notes: &mut Vec<String>,
@@ -168,7 +168,7 @@ struct Extended {
     length: u64,
 }
 
-fn extended_at(source: &Source, position: u64) -> Result<Extended, LasError> {
+fn extended_at(source: &FileReader, position: u64) -> Result<Extended, LasError> {
     let mut front = [0; EXTENDED_FRONT as usize];
     source.read_exact_at(&mut front, position)?;
     let mut length = [0; 8];
@@ -179,7 +179,7 @@ fn extended_at(source: &Source, position: u64) -> Result<Extended, LasError> {
 
 /// Whether an extended record begins there, beyond doubt: with the name of a user, in
 /// letters, and data that the file has.
-pub fn is_extended_record(source: &Source, position: u64) -> Result<bool, LasError> {
+pub fn is_extended_record(source: &FileReader, position: u64) -> Result<bool, LasError> {
     if source.bytes().saturating_sub(position) < EXTENDED_FRONT {
         return Ok(false);
     }

@@ -15,8 +15,8 @@ use rayon::prelude::*;
 use super::coding::Coding;
 use super::error::LasError;
 use super::extra_bytes;
-use super::gps_time::GpsTime;
-use super::header_totals::Tally;
+use super::gps_time::GpsEpoch;
+use super::header_totals::HeaderTotals;
 use super::text;
 use super::vlr::{self, Vlr};
 use crate::octree::attribute::ExtraField;
@@ -62,7 +62,7 @@ pub struct LasWriter {
     /// Whole records that are not yet in the file.
     pending: Vec<u8>,
     laz: Option<LazState>,
-    tally: Tally,
+    tally: HeaderTotals,
     /// Only in LAS 1.5.
     times: Option<TimeRange>,
 }
@@ -143,7 +143,7 @@ impl LasWriter {
             position,
             pending: Vec::new(),
             laz,
-            tally: Tally::new(options.point_format),
+            tally: HeaderTotals::new(options.point_format),
             times: is_1_5(options).then_some(TimeRange {
                 min: f64::INFINITY,
                 max: f64::NEG_INFINITY,
@@ -156,7 +156,7 @@ impl LasWriter {
 
     /// Says what the GPS times count from. Until then they are seconds of the week.
     /// An offset other than that of adjusted standard time needs LAS 1.5.
-    pub fn set_gps_time(&mut self, gps_time: GpsTime) {
+    pub fn set_gps_time(&mut self, gps_time: GpsEpoch) {
         let (bits, offset) = gps_time.encoding();
         self.header.global_encoding |= bits;
         if let Some(times) = &mut self.times {

@@ -2,7 +2,7 @@
 //! (Said 2004). Bytes are taken in, or given out, as the interval gets short.
 
 use super::LazError;
-use super::model::{Bucket, Model, precision};
+use super::model::{BucketIndex, Model, precision};
 
 /// Raw bits that are coded at once.
 const MOST_RAW: u32 = 19;
@@ -32,14 +32,14 @@ static RECIPROCALS: [u16; 1 << INDEX_BITS] = {
 
 /// Takes symbols from a stream of bytes.
 ///
-/// Between two operations `value < length` and `length >= 1 << 24`. [`Decoder::new`]
+/// Between two operations `value < length` and `length >= 1 << 24`. [`ArithmeticDecoder::new`]
 /// checks the first; every operation keeps both, whatever the bytes and whatever the
 /// model, since a model's bounds rise strictly.
 ///
-/// Where the stream has ended, zeros come, and [`Decoder::has_ended`] says so; who
+/// Where the stream has ended, zeros come, and [`ArithmeticDecoder::has_ended`] says so; who
 /// decodes asks it now and then.
 #[derive(Debug, Clone, Copy)]
-pub struct Decoder<'a> {
+pub struct ArithmeticDecoder<'a> {
     rest: &'a [u8],
     value: u32,
     length: u32,
@@ -49,39 +49,39 @@ pub struct Decoder<'a> {
     ended: bool,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a> ArithmeticDecoder<'a> {
     /// `None` for what no encoder begins with: too few bytes, or the end of the interval.
-    pub fn new(bytes: &'a [u8]) -> Option<Decoder<'a>> {
+    pub fn new(bytes: &'a [u8]) -> Option<ArithmeticDecoder<'a>> {
         let (first, rest) = bytes.split_first_chunk()?;
         let value = u32::from_be_bytes(*first);
-        let begin = Decoder { rest, value, ..Decoder::empty() };
+        let begin = ArithmeticDecoder { rest, value, ..ArithmeticDecoder::empty() };
         (value < begin.length).then_some(begin)
     }
 
     /// Of a layer without bytes: its field never changes, so it is not asked, except the
     /// layer of x and y, which then ends at once.
-    pub fn empty() -> Decoder<'static> {
-        Decoder { rest: &[], value: 0, length: u32::MAX, zeros: 0, shifted: u32::MAX, ended: false }
+    pub fn empty() -> ArithmeticDecoder<'static> {
+        ArithmeticDecoder { rest: &[], value: 0, length: u32::MAX, zeros: 0, shifted: u32::MAX, ended: false }
     }
 
     /// Of a layer, if it has bytes.
-    pub fn of_layer(layer: &'a [u8]) -> Result<Option<Decoder<'a>>, LazError> {
+    pub fn of_layer(layer: &'a [u8]) -> Result<Option<ArithmeticDecoder<'a>>, LazError> {
         match layer.len() {
             0 => Ok(None),
             1..4 => Err(LazError::Ended),
-            _ => Decoder::new(layer).map(Some).ok_or(LazError::Beginning),
+            _ => ArithmeticDecoder::new(layer).map(Some).ok_or(LazError::Beginning),
         }
     }
 
     /// The same decoder where the rest of its bytes is found at another place.
-    pub fn over<'b>(&self, rest: &'b [u8]) -> Decoder<'b> {
-        Decoder { rest, ..*self }
+    pub fn over<'b>(&self, rest: &'b [u8]) -> ArithmeticDecoder<'b> {
+        ArithmeticDecoder { rest, ..*self }
     }
 
     /// Works with a copy, and takes its state over. A decoder that is lent to a function
     /// lies in memory wherever it is used; lending a copy keeps this one in registers.
     #[inline(always)]
-    pub fn apart<T>(&mut self, work: impl FnOnce(&mut Decoder<'a>) -> T) -> T {
+    pub fn apart<T>(&mut self, work: impl FnOnce(&mut ArithmeticDecoder<'a>) -> T) -> T {
         let mut copy = *self;
         let made = work(&mut copy);
         *self = copy;
@@ -99,7 +99,7 @@ impl<'a> Decoder<'a> {
     }
 
     #[inline(always)]
-    pub fn symbol<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    pub fn symbol<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
     ) -> usize {
@@ -109,7 +109,7 @@ impl<'a> Decoder<'a> {
     /// The same of a model that may be one of a bit. The caller says so, since it knows
     /// before the model is read, and the division has to wait for it.
     #[inline(always)]
-    pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    pub fn symbol_or_bit<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
         is_bit: bool,
@@ -196,7 +196,7 @@ fn last_bytes(rest: &[u8], used: usize) -> (u32, &[u8], bool) {
 
 /// Makes a stream of bytes of symbols.
 #[derive(Debug, Clone)]
-pub struct Encoder {
+pub struct ArithmeticEncoder {
     /// Four bytes in front of the stream, the stream, and some room behind it.
     bytes: Vec<u8>,
     /// Where the last four bytes lie that were given out.
@@ -209,20 +209,20 @@ pub struct Encoder {
 /// Bytes in front of a stream, as if they had been given out.
 const FRONT: usize = 4;
 
-impl Default for Encoder {
-    fn default() -> Encoder {
-        Encoder { bytes: Vec::new(), last: 0, base: 0, length: u32::MAX }
+impl Default for ArithmeticEncoder {
+    fn default() -> ArithmeticEncoder {
+        ArithmeticEncoder { bytes: Vec::new(), last: 0, base: 0, length: u32::MAX }
     }
 }
 
-impl Encoder {
+impl ArithmeticEncoder {
     /// Begins a new stream in the same memory.
     pub fn clear(&mut self) {
         (self.last, self.base, self.length) = (0, 0, u32::MAX);
     }
 
     #[inline(always)]
-    pub fn symbol<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    pub fn symbol<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
         symbol: usize,
@@ -232,7 +232,7 @@ impl Encoder {
 
     /// The same of a model that may be one of a bit.
     #[inline(always)]
-    pub fn symbol_or_bit<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    pub fn symbol_or_bit<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         &mut self,
         model: &mut Model<U, S, B, T, W>,
         symbol: usize,
@@ -301,7 +301,7 @@ impl Encoder {
     }
 
     /// Writes down a number within the interval, and zeros up to what a decoder takes in
-    /// at once. The stream is then to be found by [`Encoder::bytes`].
+    /// at once. The stream is then to be found by [`ArithmeticEncoder::bytes`].
     pub fn finish(&mut self) {
         let long = self.length > 2 << 24;
         if long {
@@ -325,9 +325,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn decoder(value: u32, length: u32) -> Decoder<'static> {
+    fn decoder(value: u32, length: u32) -> ArithmeticDecoder<'static> {
         let zeros = length.leading_zeros();
-        Decoder { value, length, zeros, shifted: length << zeros, ..Decoder::empty() }
+        ArithmeticDecoder { value, length, zeros, shifted: length << zeros, ..ArithmeticDecoder::empty() }
     }
 
     /// The tables behind a model are found by it, so it must never be too great.
@@ -351,7 +351,7 @@ mod tests {
     #[test]
     fn a_carry_goes_as_far_as_needed() {
         for ones in [0, 1, 3, 4, 5, 30] {
-            let mut encoder = Encoder::default();
+            let mut encoder = ArithmeticEncoder::default();
             // A seven, and then the interval's bottom is nothing but ones, as are its bytes.
             encoder.narrow(0x07FF_FFFF, 1 << 16);
             (0..ones).for_each(|_| encoder.narrow(0xFF, 1 << 16));
@@ -366,13 +366,13 @@ mod tests {
     proptest! {
         #[test]
         fn raw_bits_come_out_as_they_went_in(numbers in prop::collection::vec((1u32..32, any::<u32>()), 1..200)) {
-            let mut encoder = Encoder::default();
+            let mut encoder = ArithmeticEncoder::default();
             for (bits, number) in &numbers {
                 encoder.raw(*bits, number & ((1 << bits) - 1));
                 encoder.raw_word(*number);
             }
             encoder.finish();
-            let mut decoder = Decoder::new(encoder.bytes()).unwrap();
+            let mut decoder = ArithmeticDecoder::new(encoder.bytes()).unwrap();
             for (bits, number) in &numbers {
                 prop_assert_eq!(decoder.raw(*bits), number & ((1 << bits) - 1));
                 prop_assert_eq!(decoder.raw_word(), *number);

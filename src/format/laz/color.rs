@@ -2,8 +2,8 @@
 //! the last color's, then those. Green and blue are predicted from how red changed, and
 //! not told at all where the color is a grey.
 
-use super::arithmetic::{Decoder, Encoder};
-use super::model::{ByteModel, Slot, slots};
+use super::arithmetic::{ArithmeticDecoder, ArithmeticEncoder};
+use super::model::{ByteModel, LazyModel, slots};
 
 pub type Color = [u16; 3];
 
@@ -13,13 +13,13 @@ const COLORED: usize = 1 << 6;
 
 #[derive(Debug, Clone)]
 pub struct ColorModels {
-    which: Slot<ByteModel>,
-    bytes: [Slot<ByteModel>; 6],
+    which: LazyModel<ByteModel>,
+    bytes: [LazyModel<ByteModel>; 6],
 }
 
 impl Default for ColorModels {
     fn default() -> ColorModels {
-        ColorModels { which: Slot::default(), bytes: slots() }
+        ColorModels { which: LazyModel::default(), bytes: slots() }
     }
 }
 
@@ -39,16 +39,16 @@ fn blue(red: i32, green: i32, last: [i32; 3]) -> i32 {
 impl ColorModels {
     pub fn clear(&mut self) {
         self.which.clear();
-        self.bytes.iter_mut().for_each(Slot::clear);
+        self.bytes.iter_mut().for_each(LazyModel::clear);
     }
 
     #[inline(never)]
-    pub fn decode(&mut self, from: &mut Decoder, last: Color) -> Color {
+    pub fn decode(&mut self, from: &mut ArithmeticDecoder, last: Color) -> Color {
         from.apart(|from| self.decode_inline(from, last))
     }
 
     #[inline(always)]
-    pub fn decode_inline(&mut self, from: &mut Decoder, last: Color) -> Color {
+    pub fn decode_inline(&mut self, from: &mut ArithmeticDecoder, last: Color) -> Color {
         let which = from.symbol(self.which.get(128));
         let last = halves(last);
         let mut color = last;
@@ -75,11 +75,11 @@ impl ColorModels {
     }
 
     #[inline(always)]
-    fn byte(&mut self, from: &mut Decoder, bit: usize, predicted: i32) -> i32 {
+    fn byte(&mut self, from: &mut ArithmeticDecoder, bit: usize, predicted: i32) -> i32 {
         (from.symbol(self.bytes[bit].get(256)) as i32 + predicted) & 255
     }
 
-    pub fn encode(&mut self, to: &mut Encoder, last: Color, color: Color) {
+    pub fn encode(&mut self, to: &mut ArithmeticEncoder, last: Color, color: Color) {
         let (last, now) = (halves(last), halves(color));
         let mut which = if color[1] == color[0] && color[2] == color[0] { 0 } else { COLORED };
         for channel in 0..3 {
@@ -108,24 +108,24 @@ impl ColorModels {
 
 #[derive(Debug, Clone)]
 pub struct InfraredModels {
-    which: Slot<ByteModel>,
-    bytes: [Slot<ByteModel>; 2],
+    which: LazyModel<ByteModel>,
+    bytes: [LazyModel<ByteModel>; 2],
 }
 
 impl Default for InfraredModels {
     fn default() -> InfraredModels {
-        InfraredModels { which: Slot::default(), bytes: slots() }
+        InfraredModels { which: LazyModel::default(), bytes: slots() }
     }
 }
 
 impl InfraredModels {
     pub fn clear(&mut self) {
         self.which.clear();
-        self.bytes.iter_mut().for_each(Slot::clear);
+        self.bytes.iter_mut().for_each(LazyModel::clear);
     }
 
     #[inline(never)]
-    pub fn decode(&mut self, from: &mut Decoder, last: u16) -> u16 {
+    pub fn decode(&mut self, from: &mut ArithmeticDecoder, last: u16) -> u16 {
         let which = from.symbol(self.which.get(4));
         let mut bytes = last.to_le_bytes();
         for (half, byte) in bytes.iter_mut().enumerate() {
@@ -136,7 +136,7 @@ impl InfraredModels {
         u16::from_le_bytes(bytes)
     }
 
-    pub fn encode(&mut self, to: &mut Encoder, last: u16, now: u16) {
+    pub fn encode(&mut self, to: &mut ArithmeticEncoder, last: u16, now: u16) {
         let (last, now) = (last.to_le_bytes(), now.to_le_bytes());
         let which = usize::from(last[0] != now[0]) | usize::from(last[1] != now[1]) << 1;
         to.symbol(self.which.get(4), which);

@@ -1,19 +1,19 @@
 //! Chunks of the point formats 6 to 8 from records: the same bytes as LASzip writes.
 
-use super::arithmetic::Encoder;
+use super::arithmetic::ArithmeticEncoder;
 use super::layered::Attached;
 use super::point14::{Channels, LAYERS, Point14, XY, Z};
-use super::{Shape, field};
+use super::{RecordShape, field};
 
 #[derive(Debug)]
 pub struct LayeredEncoder {
-    shape: Shape,
+    shape: RecordShape,
     channels: Channels,
     attached: Attached,
-    point: [Encoder; LAYERS],
-    color: Encoder,
-    infrared: Encoder,
-    extra: Vec<Encoder>,
+    point: [ArithmeticEncoder; LAYERS],
+    color: ArithmeticEncoder,
+    infrared: ArithmeticEncoder,
+    extra: Vec<ArithmeticEncoder>,
     /// Which layers are needed, since a value changed.
     has: [bool; LAYERS],
     has_color: bool,
@@ -22,15 +22,15 @@ pub struct LayeredEncoder {
 }
 
 impl LayeredEncoder {
-    pub fn new(shape: Shape) -> LayeredEncoder {
+    pub fn new(shape: RecordShape) -> LayeredEncoder {
         LayeredEncoder {
             shape,
             channels: Channels::default(),
             attached: Attached::new(shape),
             point: Default::default(),
-            color: Encoder::default(),
-            infrared: Encoder::default(),
-            extra: vec![Encoder::default(); shape.extra],
+            color: ArithmeticEncoder::default(),
+            infrared: ArithmeticEncoder::default(),
+            extra: vec![ArithmeticEncoder::default(); shape.extra],
             has: [false; LAYERS],
             has_color: false,
             has_infrared: false,
@@ -60,7 +60,7 @@ impl LayeredEncoder {
         self.channels.begin(point);
         self.attached.begin(self.shape, point.channel(), &first[Point14::SIZE..]);
         let behind = [&mut self.color, &mut self.infrared].into_iter().chain(&mut self.extra);
-        self.point.iter_mut().chain(behind).for_each(Encoder::clear);
+        self.point.iter_mut().chain(behind).for_each(ArithmeticEncoder::clear);
         self.has = [false; LAYERS];
         (self.has[XY], self.has[Z]) = (true, true);
         (self.has_color, self.has_infrared) = (false, false);

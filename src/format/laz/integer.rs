@@ -4,8 +4,8 @@
 
 use std::hint::select_unpredictable;
 
-use super::arithmetic::{Decoder, Encoder};
-use super::model::{ByteModel, LengthModel, Slot, slots};
+use super::arithmetic::{ArithmeticDecoder, ArithmeticEncoder};
+use super::model::{ByteModel, LazyModel, LengthModel, slots};
 
 /// Bits of a difference that a model knows.
 const MOST_MODELED: usize = 8;
@@ -14,8 +14,8 @@ const MOST_MODELED: usize = 8;
 /// those of 16 only the lower half of what comes out counts.
 #[derive(Debug, Clone)]
 pub struct Integer<const CONTEXTS: usize, const BITS: usize> {
-    lengths: [Slot<LengthModel>; CONTEXTS],
-    differences: [Slot<ByteModel>; 32],
+    lengths: [LazyModel<LengthModel>; CONTEXTS],
+    differences: [LazyModel<ByteModel>; 32],
 }
 
 impl<const CONTEXTS: usize, const BITS: usize> Default for Integer<CONTEXTS, BITS> {
@@ -26,25 +26,31 @@ impl<const CONTEXTS: usize, const BITS: usize> Default for Integer<CONTEXTS, BIT
 
 impl<const CONTEXTS: usize, const BITS: usize> Integer<CONTEXTS, BITS> {
     pub fn clear(&mut self) {
-        self.lengths.iter_mut().for_each(Slot::clear);
-        self.differences.iter_mut().for_each(Slot::clear);
+        self.lengths.iter_mut().for_each(LazyModel::clear);
+        self.differences.iter_mut().for_each(LazyModel::clear);
     }
 
     /// The integer, and the bits of its difference, which choose contexts of others.
     #[inline(always)]
-    pub fn decode(&mut self, from: &mut Decoder, context: usize, predicted: i32) -> (i32, usize) {
+    pub fn decode(&mut self, from: &mut ArithmeticDecoder, context: usize, predicted: i32) -> (i32, usize) {
         decode(from, self.lengths[context].get(BITS + 1), &mut self.differences, predicted)
     }
 
     /// The same of a field that seldom changes, as a call.
     #[inline(always)]
-    pub fn decode_apart(&mut self, from: &mut Decoder, context: usize, predicted: i32) -> i32 {
+    pub fn decode_apart(&mut self, from: &mut ArithmeticDecoder, context: usize, predicted: i32) -> i32 {
         decode_by_call(from, self.lengths[context].get(BITS + 1), &mut self.differences, predicted)
     }
 
     /// The bits of the difference.
     #[inline(always)]
-    pub fn encode(&mut self, to: &mut Encoder, context: usize, predicted: i32, integer: i32) -> usize {
+    pub fn encode(
+        &mut self,
+        to: &mut ArithmeticEncoder,
+        context: usize,
+        predicted: i32,
+        integer: i32,
+    ) -> usize {
         let difference = integer.wrapping_sub(predicted);
         // The nearest way around.
         let difference = if BITS == 16 { i32::from(difference as i16) } else { difference };
@@ -59,9 +65,9 @@ fn symbols(bits: usize) -> usize {
 
 #[inline(never)]
 fn decode_by_call(
-    from: &mut Decoder,
+    from: &mut ArithmeticDecoder,
     lengths: &mut LengthModel,
-    differences: &mut [Slot<ByteModel>; 32],
+    differences: &mut [LazyModel<ByteModel>; 32],
     predicted: i32,
 ) -> i32 {
     from.apart(|from| decode(from, lengths, differences, predicted)).0
@@ -69,9 +75,9 @@ fn decode_by_call(
 
 #[inline(always)]
 fn decode(
-    from: &mut Decoder,
+    from: &mut ArithmeticDecoder,
     lengths: &mut LengthModel,
-    differences: &mut [Slot<ByteModel>; 32],
+    differences: &mut [LazyModel<ByteModel>; 32],
     predicted: i32,
 ) -> (i32, usize) {
     let bits = from.symbol(lengths);
@@ -83,8 +89,8 @@ fn decode(
 /// other, and the processor does the other's meanwhile.
 #[inline(always)]
 pub fn decode_two<const C: usize, const B: usize, const D: usize, const E: usize>(
-    one: (&mut Integer<C, B>, &mut Decoder, usize, i32),
-    other: (&mut Integer<D, E>, &mut Decoder, usize, i32),
+    one: (&mut Integer<C, B>, &mut ArithmeticDecoder, usize, i32),
+    other: (&mut Integer<D, E>, &mut ArithmeticDecoder, usize, i32),
 ) -> ((i32, usize), i32) {
     let bits = one.1.symbol(one.0.lengths[one.2].get(B + 1));
     let other_bits = other.1.symbol(other.0.lengths[other.2].get(E + 1));
@@ -97,7 +103,11 @@ pub fn decode_two<const C: usize, const B: usize, const D: usize, const E: usize
 
 /// The upper bits of a difference.
 #[inline(always)]
-fn upper_bits(from: &mut Decoder, differences: &mut [Slot<ByteModel>; 32], bits: usize) -> u32 {
+fn upper_bits(
+    from: &mut ArithmeticDecoder,
+    differences: &mut [LazyModel<ByteModel>; 32],
+    bits: usize,
+) -> u32 {
     match differences.get_mut(bits) {
         Some(slot) => from.symbol_or_bit(slot.get(symbols(bits)), bits == 0) as u32,
         None => 0,
@@ -108,7 +118,7 @@ fn upper_bits(from: &mut Decoder, differences: &mut [Slot<ByteModel>; 32], bits:
 /// `-2^(bits-1)` and from `2^(bits-1) + 1` to `2^bits`; with none 0 and 1, which the part
 /// says.
 #[inline(always)]
-fn lower_bits(from: &mut Decoder, bits: usize, upper: u32) -> i32 {
+fn lower_bits(from: &mut ArithmeticDecoder, bits: usize, upper: u32) -> i32 {
     let mut part = upper;
     if bits > MOST_MODELED {
         if bits > 31 {
@@ -145,9 +155,9 @@ static HALVES: [Halves; 32] = {
 
 #[inline(never)]
 fn encode(
-    to: &mut Encoder,
+    to: &mut ArithmeticEncoder,
     lengths: &mut LengthModel,
-    differences: &mut [Slot<ByteModel>; 32],
+    differences: &mut [LazyModel<ByteModel>; 32],
     difference: i32,
 ) -> usize {
     let size = if difference > 0 { difference - 1 } else { difference.wrapping_neg() };
@@ -184,7 +194,7 @@ mod tests {
         fn integers_come_out_as_they_went_in(
             values in prop::collection::vec((any_integer(), any_integer(), 0usize..3), 1..300)
         ) {
-            let mut encoder = Encoder::default();
+            let mut encoder = ArithmeticEncoder::default();
             let (mut wide, mut narrow) = (Integer::<3, 32>::default(), Integer::<3, 16>::default());
             let mut bits = Vec::new();
             for (value, predicted, context) in &values {
@@ -194,7 +204,7 @@ mod tests {
             encoder.finish();
             wide.clear();
             narrow.clear();
-            let mut decoder = Decoder::new(encoder.bytes()).unwrap();
+            let mut decoder = ArithmeticDecoder::new(encoder.bytes()).unwrap();
             for ((value, predicted, context), bits) in values.iter().zip(bits) {
                 prop_assert_eq!(wide.decode(&mut decoder, *context, *predicted), (*value, bits));
                 let half = narrow.decode_apart(&mut decoder, *context, i32::from(*predicted as u16));

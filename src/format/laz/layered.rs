@@ -1,11 +1,11 @@
 //! Chunks of the point formats 6 to 8: the first record as it is, the number of points,
 //! the sizes of the layers, and the layers, one stream each.
 
-use super::arithmetic::Decoder;
+use super::arithmetic::ArithmeticDecoder;
 use super::color::{Color, ColorModels, InfraredModels};
-use super::model::{ByteModel, Slot};
+use super::model::{ByteModel, LazyModel};
 use super::point14::{Channels, LAYERS, Point14};
-use super::{LazError, Shape, field};
+use super::{LazError, RecordShape, field};
 
 /// Points between two looks at whether a layer has ended.
 const POINTS_BETWEEN_LOOKS: usize = 64;
@@ -23,12 +23,12 @@ pub struct Attached {
     pub infrared: [InfraredModels; 4],
     pub last_infrared: [u16; 4],
     /// Made when their channel is first used: they are many.
-    pub extra: [Vec<Slot<ByteModel>>; 4],
+    pub extra: [Vec<LazyModel<ByteModel>>; 4],
     pub last_extra: [Vec<u8>; 4],
 }
 
 impl Attached {
-    pub fn new(shape: Shape) -> Attached {
+    pub fn new(shape: RecordShape) -> Attached {
         Attached {
             always_told: shape.version == 4,
             last: 0,
@@ -43,7 +43,7 @@ impl Attached {
     }
 
     /// Begins with the fields of a chunk's first record.
-    pub fn begin(&mut self, shape: Shape, channel: usize, first: &[u8]) {
+    pub fn begin(&mut self, shape: RecordShape, channel: usize, first: &[u8]) {
         let channel = channel & 3;
         self.last = channel;
         self.used = [false; 4];
@@ -65,8 +65,8 @@ impl Attached {
         self.used[channel] = true;
         self.color[channel].clear();
         self.infrared[channel].clear();
-        self.extra[channel].iter_mut().for_each(Slot::clear);
-        self.extra[channel].resize(self.last_extra[self.last].len(), Slot::default());
+        self.extra[channel].iter_mut().for_each(LazyModel::clear);
+        self.extra[channel].resize(self.last_extra[self.last].len(), LazyModel::default());
     }
 
     /// Which models and which last values serve a point of this channel.
@@ -98,23 +98,23 @@ impl Attached {
 
 #[derive(Debug)]
 pub struct LayeredDecoder {
-    shape: Shape,
+    shape: RecordShape,
     channels: Channels,
     attached: Attached,
 }
 
 /// The layers of a chunk; a field without one never changes.
 struct Layers<'a> {
-    point: [Decoder<'a>; LAYERS],
+    point: [ArithmeticDecoder<'a>; LAYERS],
     has: [bool; LAYERS],
-    color: Option<Decoder<'a>>,
-    infrared: Option<Decoder<'a>>,
-    extra: Vec<Option<Decoder<'a>>>,
+    color: Option<ArithmeticDecoder<'a>>,
+    infrared: Option<ArithmeticDecoder<'a>>,
+    extra: Vec<Option<ArithmeticDecoder<'a>>>,
 }
 
 impl<'a> Layers<'a> {
     /// Cuts the layers, which have to fill the chunk.
-    fn cut(shape: Shape, sizes: &[u8], bytes: &'a [u8], before: usize) -> Result<Layers<'a>, LazError> {
+    fn cut(shape: RecordShape, sizes: &[u8], bytes: &'a [u8], before: usize) -> Result<Layers<'a>, LazError> {
         let sizes = sizes.chunks_exact(4).map(|size| u32::from_le_bytes(field(size, 0)));
         let said = sizes.clone().map(u64::from).sum::<u64>();
         if said != bytes.len() as u64 {
@@ -125,10 +125,10 @@ impl<'a> Layers<'a> {
         let mut layers = sizes.map(|size| {
             let (layer, behind) = rest.split_at_checked(size as usize).ok_or(LazError::Ended)?;
             rest = behind;
-            Decoder::of_layer(layer)
+            ArithmeticDecoder::of_layer(layer)
         });
         let mut next = || layers.next().unwrap_or(Ok(None));
-        let mut point = [Decoder::empty(); LAYERS];
+        let mut point = [ArithmeticDecoder::empty(); LAYERS];
         let mut has = [false; LAYERS];
         for (point, has) in point.iter_mut().zip(&mut has) {
             if let Some(layer) = next()? {
@@ -143,12 +143,12 @@ impl<'a> Layers<'a> {
 
     fn have_ended(&self) -> bool {
         let behind = self.color.iter().chain(&self.infrared).chain(self.extra.iter().flatten());
-        self.point.iter().chain(behind).any(Decoder::has_ended)
+        self.point.iter().chain(behind).any(ArithmeticDecoder::has_ended)
     }
 }
 
 impl LayeredDecoder {
-    pub fn new(shape: Shape) -> LayeredDecoder {
+    pub fn new(shape: RecordShape) -> LayeredDecoder {
         LayeredDecoder { shape, channels: Channels::default(), attached: Attached::new(shape) }
     }
 

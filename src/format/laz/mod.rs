@@ -26,7 +26,7 @@ use pointwise::PointwiseDecoder;
 
 /// What the records of a chunk are made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shape {
+pub struct RecordShape {
     /// In layers, one a field: the point formats 6 to 8. Otherwise 0 to 3.
     layered: bool,
     /// The layered ones of version 3 tell the fields behind the point of a scanner
@@ -39,12 +39,12 @@ pub struct Shape {
     extra: usize,
 }
 
-impl Shape {
+impl RecordShape {
     /// Of a point format with so many extra bytes, all items in one version: 2 of the
     /// formats 0 to 3, 3 or 4 of 6 to 8. `None` for what is not coded here.
-    pub fn new(point_format: u8, extra: usize, version: u16) -> Option<Shape> {
+    pub fn new(point_format: u8, extra: usize, version: u16) -> Option<RecordShape> {
         let layered = matches!((point_format, version), (6..=8, 3 | 4));
-        let shape = Shape {
+        let shape = RecordShape {
             layered,
             version,
             time: matches!(point_format, 1 | 3),
@@ -115,19 +115,19 @@ impl std::error::Error for LazError {}
 
 /// Decodes chunks of one shape, one after the other. It keeps its memory between them.
 #[derive(Debug)]
-pub struct Decoder(Kind);
+pub struct Decoder(DecoderKind);
 
 #[derive(Debug)]
-enum Kind {
+enum DecoderKind {
     Pointwise(Box<PointwiseDecoder>),
     Layered(Box<LayeredDecoder>),
 }
 
 impl Decoder {
-    pub fn new(shape: Shape) -> Decoder {
+    pub fn new(shape: RecordShape) -> Decoder {
         Decoder(match shape.layered {
-            true => Kind::Layered(Box::new(LayeredDecoder::new(shape))),
-            false => Kind::Pointwise(Box::new(PointwiseDecoder::new(shape))),
+            true => DecoderKind::Layered(Box::new(LayeredDecoder::new(shape))),
+            false => DecoderKind::Pointwise(Box::new(PointwiseDecoder::new(shape))),
         })
     }
 
@@ -136,8 +136,8 @@ impl Decoder {
     /// away. After an error `records` holds anything.
     pub fn decode(&mut self, chunk: &[u8], records: &mut [u8]) -> Result<(), LazError> {
         match &mut self.0 {
-            Kind::Pointwise(decoder) => decoder.decode(chunk, records),
-            Kind::Layered(decoder) => decoder.decode(chunk, records),
+            DecoderKind::Pointwise(decoder) => decoder.decode(chunk, records),
+            DecoderKind::Layered(decoder) => decoder.decode(chunk, records),
         }
     }
 }
@@ -148,7 +148,7 @@ pub struct Encoder(Box<LayeredEncoder>);
 
 impl Encoder {
     /// `None` for the point formats 0 to 3, which are only decoded here.
-    pub fn new(shape: Shape) -> Option<Encoder> {
+    pub fn new(shape: RecordShape) -> Option<Encoder> {
         shape.layered.then(|| Encoder(Box::new(LayeredEncoder::new(shape))))
     }
 

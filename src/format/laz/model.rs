@@ -21,17 +21,17 @@ pub fn precision(of_bit: bool) -> u32 {
 }
 
 /// What a bucket says a symbol with.
-pub trait Bucket: Copy + Into<usize> {
+pub trait BucketIndex: Copy + Into<usize> {
     fn of(symbol: usize) -> Self;
 }
 
-impl Bucket for u8 {
+impl BucketIndex for u8 {
     fn of(symbol: usize) -> u8 {
         symbol as u8
     }
 }
 
-impl Bucket for u16 {
+impl BucketIndex for u16 {
     fn of(symbol: usize) -> u16 {
         symbol as u16
     }
@@ -64,7 +64,7 @@ pub type LengthModel = Model<u8, 64, 65, 160, 8>;
 /// For the multiples of GPS times.
 pub type MultipleModel = Model<u16, 516, 517, 544, 6>;
 
-impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize, const WIDTH: u32>
+impl<U: BucketIndex, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize, const WIDTH: u32>
     Model<U, SYMBOLS, BOUNDS, BUCKETS, WIDTH>
 {
     /// A model in which all symbols are alike.
@@ -218,7 +218,7 @@ impl<U: Bucket, const SYMBOLS: usize, const BOUNDS: usize, const BUCKETS: usize,
     }
 }
 
-/// What a [`Slot`] can hold: it can be put into the state in which streams begin.
+/// What a [`LazyModel`] can hold: it can be put into the state in which streams begin.
 pub trait Fresh: Clone {
     /// `symbols` is the number of them; 1 means bits.
     fn fresh(symbols: usize) -> Box<Self>;
@@ -267,18 +267,18 @@ impl Fresh for MultipleModel {
 /// A model that is made when it is first needed; most never are. Its memory waits for
 /// the next chunk.
 #[derive(Debug, Clone)]
-pub struct Slot<M> {
+pub struct LazyModel<M> {
     model: Option<Box<M>>,
     spare: Option<Box<M>>,
 }
 
-impl<M> Default for Slot<M> {
-    fn default() -> Slot<M> {
-        Slot { model: None, spare: None }
+impl<M> Default for LazyModel<M> {
+    fn default() -> LazyModel<M> {
+        LazyModel { model: None, spare: None }
     }
 }
 
-impl<M: Fresh> Slot<M> {
+impl<M: Fresh> LazyModel<M> {
     /// The model; it always has to be asked for with the same number of symbols.
     #[inline(always)]
     pub fn get(&mut self, symbols: usize) -> &mut M {
@@ -307,8 +307,8 @@ fn make<M: Fresh>(spare: &mut Option<Box<M>>, symbols: usize) -> Box<M> {
 }
 
 /// Slots in an array.
-pub fn slots<M, const COUNT: usize>() -> [Slot<M>; COUNT] {
-    std::array::from_fn(|_| Slot::default())
+pub fn slots<M, const COUNT: usize>() -> [LazyModel<M>; COUNT] {
+    std::array::from_fn(|_| LazyModel::default())
 }
 
 #[cfg(test)]
@@ -317,7 +317,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// The symbol by a search from the front.
-    fn searched<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    fn searched<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         model: &Model<U, S, B, T, W>,
         at: u32,
     ) -> usize {
@@ -325,7 +325,7 @@ mod tests {
         bounds.iter().rposition(|bound| u32::from(*bound) <= at).unwrap()
     }
 
-    fn check<U: Bucket, const S: usize, const B: usize, const T: usize, const W: u32>(
+    fn check<U: BucketIndex, const S: usize, const B: usize, const T: usize, const W: u32>(
         model: &mut Model<U, S, B, T, W>,
         symbols: &[u16],
     ) {
@@ -374,7 +374,7 @@ mod tests {
     #[test]
     fn a_slot_begins_anew_in_each_chunk() {
         for symbols in [1, 2, 13, 128, 256] {
-            let mut slot = Slot::<ByteModel>::default();
+            let mut slot = LazyModel::<ByteModel>::default();
             let before = slot.get(symbols).bounds;
             for _ in 0..500 {
                 slot.get(symbols).count::<true>(0);

@@ -1,13 +1,13 @@
 //! Chunks of the point formats 0 to 3: the first record as it is, then one stream of
 //! all fields of all others, point by point.
 
-use super::arithmetic::Decoder;
+use super::arithmetic::ArithmeticDecoder;
 use super::color::{Color, ColorModels};
 use super::integer::Integer;
-use super::model::{ByteModel, Slot, slots};
+use super::model::{ByteModel, LazyModel, slots};
 use super::predict::{self, Median};
 use super::time::Times;
-use super::{LazError, Shape, field};
+use super::{LazError, RecordShape, field};
 
 /// The item POINT10.
 #[derive(Debug, Clone, Copy, Default)]
@@ -61,17 +61,17 @@ const SOURCE: usize = 1 << 0;
 
 /// Models of the item POINT10 in version 2, and what is remembered of earlier points.
 #[derive(Debug)]
-struct Points {
+struct Point10Models {
     last: Point10,
     intensities: [u16; 16],
     x_differences: [Median; 16],
     y_differences: [Median; 16],
     heights: [i32; 8],
-    changes: Slot<ByteModel>,
-    returns: [Slot<ByteModel>; 256],
-    classification: [Slot<ByteModel>; 256],
-    user_data: [Slot<ByteModel>; 256],
-    scan_angle: [Slot<ByteModel>; 2],
+    changes: LazyModel<ByteModel>,
+    returns: [LazyModel<ByteModel>; 256],
+    classification: [LazyModel<ByteModel>; 256],
+    user_data: [LazyModel<ByteModel>; 256],
+    scan_angle: [LazyModel<ByteModel>; 2],
     intensity: Integer<4, 16>,
     source: Integer<1, 16>,
     x: Integer<2, 32>,
@@ -79,15 +79,15 @@ struct Points {
     z: Integer<20, 32>,
 }
 
-impl Points {
-    fn new() -> Points {
-        Points {
+impl Point10Models {
+    fn new() -> Point10Models {
+        Point10Models {
             last: Point10::default(),
             intensities: [0; 16],
             x_differences: [Median::default(); 16],
             y_differences: [Median::default(); 16],
             heights: [0; 8],
-            changes: Slot::default(),
+            changes: LazyModel::default(),
             returns: slots(),
             classification: slots(),
             user_data: slots(),
@@ -108,9 +108,9 @@ impl Points {
         self.heights = [0; 8];
         self.changes.clear();
         for models in [&mut self.returns, &mut self.classification, &mut self.user_data] {
-            models.iter_mut().for_each(Slot::clear);
+            models.iter_mut().for_each(LazyModel::clear);
         }
-        self.scan_angle.iter_mut().for_each(Slot::clear);
+        self.scan_angle.iter_mut().for_each(LazyModel::clear);
         self.intensity.clear();
         self.source.clear();
         self.x.clear();
@@ -119,7 +119,7 @@ impl Points {
     }
 
     #[inline(always)]
-    fn decode(&mut self, from: &mut Decoder) {
+    fn decode(&mut self, from: &mut ArithmeticDecoder) {
         let point = &mut self.last;
         let changes = from.symbol(self.changes.get(64));
         if changes & RETURNS != 0 {
@@ -170,24 +170,24 @@ impl Points {
 
 #[derive(Debug)]
 pub struct PointwiseDecoder {
-    shape: Shape,
-    points: Points,
+    shape: RecordShape,
+    points: Point10Models,
     times: Times<true>,
     color: ColorModels,
     last_color: Color,
-    extra: Vec<Slot<ByteModel>>,
+    extra: Vec<LazyModel<ByteModel>>,
     last_extra: Vec<u8>,
 }
 
 impl PointwiseDecoder {
-    pub fn new(shape: Shape) -> PointwiseDecoder {
+    pub fn new(shape: RecordShape) -> PointwiseDecoder {
         PointwiseDecoder {
             shape,
-            points: Points::new(),
+            points: Point10Models::new(),
             times: Times::default(),
             color: ColorModels::default(),
             last_color: [0; 3],
-            extra: vec![Slot::default(); shape.extra],
+            extra: vec![LazyModel::default(); shape.extra],
             last_extra: vec![0; shape.extra],
         }
     }
@@ -204,7 +204,7 @@ impl PointwiseDecoder {
         self.begin(first);
         let (record, records) = records.split_at_mut(length);
         record.copy_from_slice(first);
-        let mut decoder = Decoder::new(rest).ok_or(LazError::Beginning)?;
+        let mut decoder = ArithmeticDecoder::new(rest).ok_or(LazError::Beginning)?;
         match (self.shape.time, self.shape.color) {
             (false, false) => self.run::<false, false>(&mut decoder, records),
             (true, false) => self.run::<true, false>(&mut decoder, records),
@@ -229,13 +229,13 @@ impl PointwiseDecoder {
             self.last_color = [0, 2, 4].map(|channel| u16::from_le_bytes(field(first, at + channel)));
             at += 6;
         }
-        self.extra.iter_mut().for_each(Slot::clear);
+        self.extra.iter_mut().for_each(LazyModel::clear);
         self.last_extra.copy_from_slice(&first[at..]);
     }
 
     fn run<const TIME: bool, const COLOR: bool>(
         &mut self,
-        from: &mut Decoder,
+        from: &mut ArithmeticDecoder,
         records: &mut [u8],
     ) -> Result<(), LazError> {
         let mut decoder = *from;

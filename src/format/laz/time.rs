@@ -3,9 +3,9 @@
 //! taken as integers of the same bits.
 
 use super::LazError;
-use super::arithmetic::{Decoder, Encoder};
+use super::arithmetic::{ArithmeticDecoder, ArithmeticEncoder};
 use super::integer::Integer;
-use super::model::{ByteModel, MultipleModel, Slot};
+use super::model::{ByteModel, LazyModel, MultipleModel};
 
 /// Multiples that have a code: up to this, and from -1 down to -10 behind it.
 const MOST: i32 = 500;
@@ -25,8 +25,8 @@ pub struct Times<const REPEATS: bool> {
     times: [i64; 4],
     differences: [i32; 4],
     extremes: [u8; 4],
-    after_none: Slot<ByteModel>,
-    multiple: Slot<MultipleModel>,
+    after_none: LazyModel<ByteModel>,
+    multiple: LazyModel<MultipleModel>,
     numbers: Integer<9, 32>,
 }
 
@@ -62,12 +62,12 @@ impl<const REPEATS: bool> Times<REPEATS> {
     }
 
     #[inline(never)]
-    pub fn decode(&mut self, from: &mut Decoder) -> Result<i64, LazError> {
+    pub fn decode(&mut self, from: &mut ArithmeticDecoder) -> Result<i64, LazError> {
         from.apart(|from| self.decode_inline(from))
     }
 
     #[inline(always)]
-    pub fn decode_inline(&mut self, from: &mut Decoder) -> Result<i64, LazError> {
+    pub fn decode_inline(&mut self, from: &mut ArithmeticDecoder) -> Result<i64, LazError> {
         for _ in 0..=MOST_SWITCHES {
             let last = self.last & 3;
             let switch = if self.differences[last] == 0 {
@@ -125,7 +125,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
 
     /// A time that no difference of 32 bits leads to begins a sequence.
     #[inline(never)]
-    fn decode_far(&mut self, from: &mut Decoder) -> i64 {
+    fn decode_far(&mut self, from: &mut ArithmeticDecoder) -> i64 {
         let above = (self.times[self.last & 3] >> 32) as i32;
         let high = self.numbers.decode_apart(from, 8, above);
         let time = i64::from(high) << 32 | i64::from(from.raw_word());
@@ -144,7 +144,7 @@ impl<const REPEATS: bool> Times<REPEATS> {
 
 impl Times<false> {
     /// Encodes a time, which mostly is another than the last.
-    pub fn encode(&mut self, to: &mut Encoder, time: i64) {
+    pub fn encode(&mut self, to: &mut ArithmeticEncoder, time: i64) {
         // At most once around: in a sequence that was chosen the difference fits.
         loop {
             let last = self.last & 3;
@@ -183,7 +183,7 @@ impl Times<false> {
         i32::try_from(time.wrapping_sub(self.times[sequence])).ok()
     }
 
-    fn encode_multiple(&mut self, to: &mut Encoder, difference: i32) {
+    fn encode_multiple(&mut self, to: &mut ArithmeticEncoder, difference: i32) {
         let last = self.differences[self.last & 3];
         let ratio = difference as f32 / last as f32;
         let multiple = if ratio >= 0.0 { (ratio + 0.5) as i32 } else { (ratio - 0.5) as i32 };

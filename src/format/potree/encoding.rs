@@ -8,7 +8,7 @@ use std::io::Read;
 
 use super::error::{PotreeError, Result};
 use super::files;
-use super::metadata::Encoding;
+use super::metadata::PotreeEncoding;
 use super::morton;
 use crate::octree::attribute::{Attribute, Scalar, Schema};
 
@@ -24,23 +24,23 @@ const ALWAYS_BELIEVED: u64 = 64 << 20;
 pub const MOST_RATIO: u64 = 4096;
 
 /// Bytes of a node's points as they are when its stream is unpacked.
-pub fn unpacked_size(schema: &Schema, encoding: Encoding, points: u32) -> u64 {
+pub fn unpacked_size(schema: &Schema, encoding: PotreeEncoding, points: u32) -> u64 {
     let width: usize = match encoding {
-        Encoding::Default => schema.record_size(),
-        Encoding::Brotli => columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum(),
+        PotreeEncoding::Default => schema.record_size(),
+        PotreeEncoding::Brotli => columns(schema).map(|(column, _, attribute)| column.width(attribute)).sum(),
     };
     u64::from(points).saturating_mul(width as u64)
 }
 
 /// Whether `points` points can be stored in `stored` bytes, and are worth the memory
 /// of unpacking them.
-pub fn is_believable(schema: &Schema, encoding: Encoding, points: u32, stored: u64) -> bool {
+pub fn is_believable(schema: &Schema, encoding: PotreeEncoding, points: u32, stored: u64) -> bool {
     let unpacked = unpacked_size(schema, encoding, points);
     match encoding {
-        Encoding::Default => stored == unpacked,
-        Encoding::Brotli if points == 0 || stored == 0 => points == 0 && stored == 0,
+        PotreeEncoding::Default => stored == unpacked,
+        PotreeEncoding::Brotli if points == 0 || stored == 0 => points == 0 && stored == 0,
         // What cannot be packed grows by some bytes a block.
-        Encoding::Brotli => {
+        PotreeEncoding::Brotli => {
             stored <= unpacked + unpacked / 256 + 1024
                 && unpacked <= LARGEST_NODE
                 && unpacked <= stored.saturating_mul(MOST_RATIO).max(ALWAYS_BELIEVED)
@@ -50,7 +50,7 @@ pub fn is_believable(schema: &Schema, encoding: Encoding, points: u32, stored: u
 
 /// How an attribute's values stand in a BROTLI column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Column {
+enum BrotliColumn {
     /// Two Morton codes.
     Position,
     /// One Morton code.
@@ -59,32 +59,32 @@ enum Column {
     Plain,
 }
 
-impl Column {
-    fn of(attribute: &Attribute) -> Column {
+impl BrotliColumn {
+    fn of(attribute: &Attribute) -> BrotliColumn {
         match (attribute.name.as_str(), attribute.scalar, attribute.elements) {
-            ("position", Scalar::I32, 3) => Column::Position,
-            ("rgb", Scalar::U16, 3) => Column::Color,
-            _ => Column::Plain,
+            ("position", Scalar::I32, 3) => BrotliColumn::Position,
+            ("rgb", Scalar::U16, 3) => BrotliColumn::Color,
+            _ => BrotliColumn::Plain,
         }
     }
 
     /// Bytes a point.
     fn width(self, attribute: &Attribute) -> usize {
         match self {
-            Column::Position => 16,
-            Column::Color => 8,
-            Column::Plain => attribute.size(),
+            BrotliColumn::Position => 16,
+            BrotliColumn::Color => 8,
+            BrotliColumn::Plain => attribute.size(),
         }
     }
 }
 
 /// Columns with the place of their attribute in the record.
-fn columns(schema: &Schema) -> impl Iterator<Item = (Column, usize, &Attribute)> {
+fn columns(schema: &Schema) -> impl Iterator<Item = (BrotliColumn, usize, &Attribute)> {
     let mut offset = 0;
     schema.attributes.iter().map(move |attribute| {
         let start = offset;
         offset += attribute.size();
-        (Column::of(attribute), start, attribute)
+        (BrotliColumn::of(attribute), start, attribute)
     })
 }
 
@@ -109,19 +109,21 @@ pub fn encode_brotli(schema: &Schema, records: &[u8], quality: u32, out: &mut Ve
         rest = behind;
         let fields = sorted.chunks_exact(record_size).map(|record| &record[start..]);
         match column {
-            Column::Position => {
+            BrotliColumn::Position => {
                 for (value, key) in values.as_chunks_mut::<8>().0.chunks_exact_mut(2).zip(&keys) {
                     value[0] = ((key >> 80) as u64).to_le_bytes();
                     value[1] = ((key >> 32) as u64 & LOW_CODE).to_le_bytes();
                 }
             }
-            Column::Color => {
+            BrotliColumn::Color => {
                 for (value, field) in values.as_chunks_mut::<8>().0.iter_mut().zip(fields) {
                     *value = morton::encode(three(field, u16::from_le_bytes)).to_le_bytes();
                 }
             }
-            Column::Plain if width == 1 => values.iter_mut().zip(fields).for_each(|(to, from)| *to = from[0]),
-            Column::Plain => {
+            BrotliColumn::Plain if width == 1 => {
+                values.iter_mut().zip(fields).for_each(|(to, from)| *to = from[0])
+            }
+            BrotliColumn::Plain => {
                 for (value, field) in values.chunks_exact_mut(width.max(1)).zip(fields) {
                     value.copy_from_slice(&field[..width]);
                 }
@@ -138,7 +140,7 @@ const LOW_CODE: u64 = (1 << 48) - 1;
 /// position, 48 bits each, and then the record's number in 32 bits, so that
 /// equal positions stay in the order they have.
 fn morton_keys(schema: &Schema, records: &[u8]) -> Vec<u128> {
-    let position = columns(schema).find(|c| c.0 == Column::Position).map(|(_, start, _)| start);
+    let position = columns(schema).find(|c| c.0 == BrotliColumn::Position).map(|(_, start, _)| start);
     let code = |record: &[u8]| match position {
         None => 0,
         Some(start) => {
@@ -168,10 +170,10 @@ fn compress(bytes: &[u8], quality: u32, out: &mut Vec<u8>) -> Result<()> {
 
 /// The records of a node from its bytes in octree.bin, in the order in which
 /// they are stored.
-pub fn decode_node(schema: &Schema, encoding: Encoding, points: u32, bytes: &[u8]) -> Result<Vec<u8>> {
+pub fn decode_node(schema: &Schema, encoding: PotreeEncoding, points: u32, bytes: &[u8]) -> Result<Vec<u8>> {
     let record_size = schema.record_size();
     match encoding {
-        Encoding::Default => {
+        PotreeEncoding::Default => {
             if bytes.len() as u64 != u64::from(points) * record_size as u64 {
                 return Err(damaged(format!(
                     "{points} points of {record_size} bytes are not {} bytes",
@@ -180,8 +182,8 @@ pub fn decode_node(schema: &Schema, encoding: Encoding, points: u32, bytes: &[u8
             }
             Ok(bytes.to_vec())
         }
-        Encoding::Brotli if points == 0 && bytes.is_empty() => Ok(Vec::new()),
-        Encoding::Brotli => {
+        PotreeEncoding::Brotli if points == 0 && bytes.is_empty() => Ok(Vec::new()),
+        PotreeEncoding::Brotli => {
             let count = points as usize;
             let columns_bytes = decompress(schema, points, bytes)?;
             let mut records = files::zeroed(u64::from(points).saturating_mul(record_size as u64))?;
@@ -199,25 +201,25 @@ pub fn decode_node(schema: &Schema, encoding: Encoding, points: u32, bytes: &[u8
     }
 }
 
-fn put_value(column: Column, value: &[u8], into: &mut [u8]) {
+fn put_value(column: BrotliColumn, value: &[u8], into: &mut [u8]) {
     match column {
-        Column::Position => {
+        BrotliColumn::Position => {
             let position = morton::decode_position(word(&value[..8]), word(&value[8..]));
             into.chunks_exact_mut(4).zip(position).for_each(|(to, p)| to.copy_from_slice(&p.to_le_bytes()));
         }
-        Column::Color => {
+        BrotliColumn::Color => {
             let color = morton::decode(word(value));
             into.chunks_exact_mut(2).zip(color).for_each(|(to, c)| to.copy_from_slice(&c.to_le_bytes()));
         }
-        Column::Plain => into.copy_from_slice(value),
+        BrotliColumn::Plain => into.copy_from_slice(value),
     }
 }
 
 /// The columns of a node. Memory grows with what the stream really holds, up to
 /// what the number of points asks for.
 fn decompress(schema: &Schema, points: u32, bytes: &[u8]) -> Result<Vec<u8>> {
-    let expected = unpacked_size(schema, Encoding::Brotli, points);
-    if !is_believable(schema, Encoding::Brotli, points, bytes.len() as u64) {
+    let expected = unpacked_size(schema, PotreeEncoding::Brotli, points);
+    if !is_believable(schema, PotreeEncoding::Brotli, points, bytes.len() as u64) {
         let stored = bytes.len();
         return Err(damaged(format!(
             "{points} points in {stored} bytes of a brotli stream are not believable"
@@ -294,7 +296,7 @@ mod tests {
             let mut stream = Vec::new();
             encode_brotli(&schema(), records, quality, &mut stream).unwrap();
             prop_assert_eq!(stream.is_empty(), points == 0);
-            let decoded = decode_node(&schema(), Encoding::Brotli, points as u32, &stream).unwrap();
+            let decoded = decode_node(&schema(), PotreeEncoding::Brotli, points as u32, &stream).unwrap();
             prop_assert_eq!(sorted(&decoded, size), sorted(records, size));
             let codes: Vec<_> = decoded
                 .chunks_exact(size)
@@ -305,8 +307,8 @@ mod tests {
 
         #[test]
         fn noise_does_no_harm(bytes in proptest::collection::vec(any::<u8>(), 0..300), points in any::<u32>()) {
-            prop_assert!(decode_node(&schema(), Encoding::Brotli, points.max(1), &bytes).is_err());
-            prop_assert!(decode_node(&schema(), Encoding::Default, points | 64, &bytes).is_err());
+            prop_assert!(decode_node(&schema(), PotreeEncoding::Brotli, points.max(1), &bytes).is_err());
+            prop_assert!(decode_node(&schema(), PotreeEncoding::Default, points | 64, &bytes).is_err());
         }
     }
 
@@ -319,7 +321,7 @@ mod tests {
         let records: Vec<u8> = (0..200u8).flat_map(|n| [[0; 12].as_slice(), &[n]].concat()).collect();
         let mut stream = Vec::new();
         encode_brotli(&schema, &records, 6, &mut stream).unwrap();
-        assert_eq!(decode_node(&schema, Encoding::Brotli, 200, &stream).unwrap(), records);
+        assert_eq!(decode_node(&schema, PotreeEncoding::Brotli, 200, &stream).unwrap(), records);
     }
 
     #[test]
@@ -328,8 +330,8 @@ mod tests {
         let mut stream = Vec::new();
         encode_brotli(&schema(), &records, 6, &mut stream).unwrap();
         for points in [4, 6, u32::MAX] {
-            assert!(decode_node(&schema(), Encoding::Brotli, points, &stream).is_err(), "{points}");
+            assert!(decode_node(&schema(), PotreeEncoding::Brotli, points, &stream).is_err(), "{points}");
         }
-        assert!(decode_node(&schema(), Encoding::Brotli, 5, &stream[..stream.len() - 1]).is_err());
+        assert!(decode_node(&schema(), PotreeEncoding::Brotli, 5, &stream[..stream.len() - 1]).is_err());
     }
 }

@@ -111,11 +111,11 @@ fn levels(nodes: &[Node]) -> Vec<std::ops::Range<usize>> {
 
 /// A chunk as ranges of the sorted nodes: its root, and the descendants one to
 /// four levels below.
-struct Chunk {
+struct HierarchyChunk {
     ranges: [std::ops::Range<usize>; STEP as usize + 1],
 }
 
-impl Chunk {
+impl HierarchyChunk {
     fn records(&self) -> usize {
         self.ranges.iter().map(|range| range.len()).sum()
     }
@@ -123,7 +123,7 @@ impl Chunk {
 
 /// All chunks, breadth first. The descendants of one chunk root after the other
 /// lie one behind the other in each level, so a cursor a level finds them all.
-fn chunks(nodes: &[Node], levels: &[std::ops::Range<usize>]) -> Vec<Chunk> {
+fn chunks(nodes: &[Node], levels: &[std::ops::Range<usize>]) -> Vec<HierarchyChunk> {
     let mut chunks = Vec::new();
     for top in (0..levels.len()).step_by(usize::from(STEP)) {
         let level = |step: usize| levels.get(top + step).cloned().unwrap_or(nodes.len()..nodes.len());
@@ -136,7 +136,7 @@ fn chunks(nodes: &[Node], levels: &[std::ops::Range<usize>]) -> Vec<Chunk> {
                 cursors[step] += nodes[start..end].iter().take_while(within).count();
                 start..cursors[step]
             });
-            chunks.push(Chunk { ranges });
+            chunks.push(HierarchyChunk { ranges });
         }
     }
     chunks
@@ -151,7 +151,7 @@ fn put_record(bytes: &mut Vec<u8>, kind: u8, node: &Node, offset: u64, size: u64
 
 /// What is odd about a hierarchy that could still be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Oddity {
+pub enum HierarchyWarning {
     /// A record calls itself a leaf and has children, or the other way round.
     WrongType { node: NodeName },
     /// A proxy and the root of its chunk disagree about the children.
@@ -172,7 +172,7 @@ pub fn read_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<Vec<Node>> 
 /// Reads all nodes and tells what is odd. Memory is bounded by the bytes given:
 /// no record is read twice, so that proxies that point in circles end as an
 /// error.
-pub fn inspect_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<(Vec<Node>, Vec<Oddity>)> {
+pub fn inspect_hierarchy(bytes: &[u8], first_chunk_size: u64) -> Result<(Vec<Node>, Vec<HierarchyWarning>)> {
     inspect(bytes.len() as u64, first_chunk_size, usize::MAX, |start| {
         bytes.get(usize::try_from(start).unwrap_or(usize::MAX)..).unwrap_or_default()
     })
@@ -191,7 +191,7 @@ pub fn inspect_hierarchy_file(
     length: u64,
     first_chunk_size: u64,
     most: usize,
-) -> Result<(Vec<Node>, Vec<Oddity>)> {
+) -> Result<(Vec<Node>, Vec<HierarchyWarning>)> {
     inspect(length, first_chunk_size, most, |at| BufReader::new(files::From { file, at }))
 }
 
@@ -201,7 +201,7 @@ fn inspect<R: Read>(
     first_chunk_size: u64,
     most: usize,
     from: impl Fn(u64) -> R,
-) -> Result<(Vec<Node>, Vec<Oddity>)> {
+) -> Result<(Vec<Node>, Vec<HierarchyWarning>)> {
     let mut found = Chunks { proxies: vec![Proxy::first(first_chunk_size)], ..Chunks::default() };
     // Records that no chunk has claimed yet.
     let mut unread = length / RECORD as u64;
@@ -211,7 +211,7 @@ fn inspect<R: Read>(
     }
     let unused = unread * RECORD as u64 + length % RECORD as u64;
     if unused > 0 {
-        found.oddities.push(Oddity::Unused { bytes: unused });
+        found.oddities.push(HierarchyWarning::Unused { bytes: unused });
     }
     found.nodes.sort_unstable_by_key(|node| node.name);
     Ok((found.nodes, found.oddities))
@@ -249,7 +249,7 @@ pub fn read_chunk(chunk: &Proxy, records: impl Read, most: usize) -> Result<(Vec
 struct Chunks {
     nodes: Vec<Node>,
     proxies: Vec<Proxy>,
-    oddities: Vec<Oddity>,
+    oddities: Vec<HierarchyWarning>,
 }
 
 impl Chunks {
@@ -280,7 +280,7 @@ impl Chunks {
             match kind {
                 PROXY if index > 0 => {
                     if name.level() - chunk.name.level() != STEP {
-                        self.oddities.push(Oddity::ProxyLevel { node: name });
+                        self.oddities.push(HierarchyWarning::ProxyLevel { node: name });
                     }
                     let record = Some((node.child_mask, node.points));
                     self.proxies.push(Proxy { name, record, start: node.offset, size: node.size });
@@ -288,7 +288,7 @@ impl Chunks {
                 }
                 NORMAL | LEAF => {
                     if (kind == LEAF) != (node.child_mask == 0) {
-                        self.oddities.push(Oddity::WrongType { node: name });
+                        self.oddities.push(HierarchyWarning::WrongType { node: name });
                     }
                 }
                 _ => return Err(damaged(chunk, &format!("node {name} has type {kind}"))),
@@ -309,10 +309,10 @@ impl Chunks {
         let Some((mask, points)) = chunk.record else { return };
         let node = root.name;
         if mask != root.child_mask {
-            self.oddities.push(Oddity::ProxyMask { node, proxy: mask, chunk: root.child_mask });
+            self.oddities.push(HierarchyWarning::ProxyMask { node, proxy: mask, chunk: root.child_mask });
         }
         if points != root.points {
-            self.oddities.push(Oddity::ProxyPoints { node, proxy: points, chunk: root.points });
+            self.oddities.push(HierarchyWarning::ProxyPoints { node, proxy: points, chunk: root.points });
         }
     }
 }

@@ -13,25 +13,25 @@ use serde_json::ser::Formatter;
 /// strings, which JSON does not know.
 pub fn page(value: &impl Serialize) -> Option<String> {
     let mut bytes = Vec::new();
-    value.serialize(&mut Serializer::with_formatter(&mut bytes, Page::default())).ok()?;
+    value.serialize(&mut Serializer::with_formatter(&mut bytes, PagedText::default())).ok()?;
     bytes.push(b'\n');
     String::from_utf8(bytes).ok()
 }
 
 #[derive(Default)]
-struct Page {
+struct PagedText {
     depth: usize,
     empty: bool,
 }
 
-impl Page {
+impl PagedText {
     fn line<W: ?Sized + Write>(&self, writer: &mut W) -> io::Result<()> {
         writer.write_all(b"\n")?;
         (0..self.depth).try_for_each(|_| writer.write_all(b"\t"))
     }
 }
 
-impl Formatter for Page {
+impl Formatter for PagedText {
     fn begin_array_value<W: ?Sized + Write>(&mut self, writer: &mut W, first: bool) -> io::Result<()> {
         writer.write_all(if first { b"" } else { b", " })
     }

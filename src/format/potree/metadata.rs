@@ -48,7 +48,7 @@ pub struct Metadata {
     pub spacing: f64,
     /// The root's cube, in world units.
     pub bounding_box: BoundingBox,
-    pub encoding: Encoding,
+    pub encoding: PotreeEncoding,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<Generator>,
     pub attributes: Vec<MetadataAttribute>,
@@ -74,7 +74,7 @@ pub struct BoundingBox {
 /// How points are stored in octree.bin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Encoding {
+pub enum PotreeEncoding {
     /// Records one behind the other.
     #[serde(alias = "UNCOMPRESSED")]
     Default,
@@ -115,10 +115,10 @@ pub struct MetadataAttribute {
     /// Bytes an element.
     pub element_size: usize,
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: ScalarKind,
     /// `int64` or `uint64` where the elements are halves of such integers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value_type: Option<Kind>,
+    pub value_type: Option<ScalarKind>,
     /// Points per value, of one-byte attributes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Vec<u64>>,
@@ -134,7 +134,7 @@ pub struct MetadataAttribute {
 /// The names that metadata.json has for scalars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum ScalarKind {
     Int8,
     Int16,
     Int32,
@@ -147,36 +147,36 @@ pub enum Kind {
     Double,
 }
 
-impl From<Scalar> for Kind {
-    fn from(scalar: Scalar) -> Kind {
+impl From<Scalar> for ScalarKind {
+    fn from(scalar: Scalar) -> ScalarKind {
         match scalar {
-            Scalar::I8 => Kind::Int8,
-            Scalar::U8 => Kind::Uint8,
-            Scalar::I16 => Kind::Int16,
-            Scalar::U16 => Kind::Uint16,
-            Scalar::I32 => Kind::Int32,
-            Scalar::U32 => Kind::Uint32,
-            Scalar::I64 => Kind::Int64,
-            Scalar::U64 => Kind::Uint64,
-            Scalar::F32 => Kind::Float,
-            Scalar::F64 => Kind::Double,
+            Scalar::I8 => ScalarKind::Int8,
+            Scalar::U8 => ScalarKind::Uint8,
+            Scalar::I16 => ScalarKind::Int16,
+            Scalar::U16 => ScalarKind::Uint16,
+            Scalar::I32 => ScalarKind::Int32,
+            Scalar::U32 => ScalarKind::Uint32,
+            Scalar::I64 => ScalarKind::Int64,
+            Scalar::U64 => ScalarKind::Uint64,
+            Scalar::F32 => ScalarKind::Float,
+            Scalar::F64 => ScalarKind::Double,
         }
     }
 }
 
-impl From<Kind> for Scalar {
-    fn from(kind: Kind) -> Scalar {
+impl From<ScalarKind> for Scalar {
+    fn from(kind: ScalarKind) -> Scalar {
         match kind {
-            Kind::Int8 => Scalar::I8,
-            Kind::Uint8 => Scalar::U8,
-            Kind::Int16 => Scalar::I16,
-            Kind::Uint16 => Scalar::U16,
-            Kind::Int32 => Scalar::I32,
-            Kind::Uint32 => Scalar::U32,
-            Kind::Int64 => Scalar::I64,
-            Kind::Uint64 => Scalar::U64,
-            Kind::Float => Scalar::F32,
-            Kind::Double => Scalar::F64,
+            ScalarKind::Int8 => Scalar::I8,
+            ScalarKind::Uint8 => Scalar::U8,
+            ScalarKind::Int16 => Scalar::I16,
+            ScalarKind::Uint16 => Scalar::U16,
+            ScalarKind::Int32 => Scalar::I32,
+            ScalarKind::Uint32 => Scalar::U32,
+            ScalarKind::Int64 => Scalar::I64,
+            ScalarKind::Uint64 => Scalar::U64,
+            ScalarKind::Float => Scalar::F32,
+            ScalarKind::Double => Scalar::F64,
         }
     }
 }
@@ -259,11 +259,11 @@ impl MetadataAttribute {
         let declared = Scalar::from(self.kind);
         let (scalar, elements) = match self.value_type {
             None => (declared, self.num_elements),
-            Some(Kind::Int64 | Kind::Uint64)
+            Some(ScalarKind::Int64 | ScalarKind::Uint64)
                 if declared == Scalar::U32 && self.num_elements.is_multiple_of(2) =>
             {
                 (
-                    if self.value_type == Some(Kind::Int64) { Scalar::I64 } else { Scalar::U64 },
+                    if self.value_type == Some(ScalarKind::Int64) { Scalar::I64 } else { Scalar::U64 },
                     self.num_elements / 2,
                 )
             }
@@ -353,7 +353,7 @@ fn declare_halves(entry: &mut MetadataAttribute, bounds: &[(f64, f64)]) {
     let separator = if entry.description.is_empty() { "" } else { "; " };
     entry.description = format!("{}{separator}{}", entry.description, halves_in_words(entry.kind.into()));
     entry.value_type = Some(entry.kind);
-    entry.kind = Kind::Uint32;
+    entry.kind = ScalarKind::Uint32;
     entry.num_elements *= 2;
     entry.element_size = 4;
     entry.scale = entry.scale.iter().flat_map(|&scale| [scale, scale * HALF]).collect();
@@ -427,7 +427,7 @@ mod tests {
             scale: [0.001; 3],
             spacing: 1.28 / 128.0,
             bounding_box: BoundingBox { min: [0.1, 0.2, 0.3], max: [1.1, 1.2, 1.3] },
-            encoding: Encoding::Default,
+            encoding: PotreeEncoding::Default,
             generator: None,
             attributes: vec![
                 attribute_entry(&position, &box_stat),
@@ -489,7 +489,7 @@ mod tests {
             |a: &mut MetadataAttribute| a.size = 7,
             |a: &mut MetadataAttribute| a.num_elements = usize::MAX,
             |a: &mut MetadataAttribute| a.element_size = 0,
-            |a: &mut MetadataAttribute| a.value_type = Some(Kind::Float),
+            |a: &mut MetadataAttribute| a.value_type = Some(ScalarKind::Float),
         ] {
             let mut metadata = example();
             change(&mut metadata.attributes[1]);

@@ -16,7 +16,7 @@ pub mod name;
 pub use encoding::{decode_node, encode_brotli};
 pub use error::{PotreeError, Result};
 pub use hierarchy::{Hierarchy, Node, Proxy, read_chunk, read_hierarchy, write_hierarchy};
-pub use metadata::{Encoding, Generator, Kind, Metadata, MetadataAttribute, attribute_entry};
+pub use metadata::{Generator, Metadata, MetadataAttribute, PotreeEncoding, ScalarKind, attribute_entry};
 pub use name::NodeName;
 
 /// The names of an octree's three files.

@@ -22,7 +22,7 @@ pub(super) const LINE: f64 = 16.0;
 pub(super) struct Canvas(String);
 
 /// A finished chart.
-pub(super) struct Drawing {
+pub(super) struct ChartDrawing {
     pub canvas: Canvas,
     pub bottom: f64,
 }
@@ -167,14 +167,14 @@ fn lines(ruler: &Ruler) -> [(&'static str, Vec<f64>); 2] {
     [("minor", ruler.minor.clone()), ("grid", ruler.major.iter().map(|(value, _)| *value).collect())]
 }
 
-impl Drawing {
+impl ChartDrawing {
     /// Where there is nothing to draw, and why.
-    pub fn empty(notes: &[String]) -> Drawing {
+    pub fn empty(notes: &[String]) -> ChartDrawing {
         let mut canvas = Canvas::default();
         canvas.frame(Rect { left: MARGIN, top: 4.0, right: WIDTH - MARGIN, bottom: 76.0 });
         canvas.text("label", [WIDTH / 2.0, 45.0], "middle", "", "Nothing was measured.");
         let bottom = canvas.key(Vec::new(), notes, MARGIN, 80.0);
-        Drawing { canvas, bottom }
+        ChartDrawing { canvas, bottom }
     }
 
     pub fn svg(self, title: &str) -> String {

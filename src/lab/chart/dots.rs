@@ -2,20 +2,22 @@
 //! would mean nothing on a logarithmic axis.
 
 use super::axis::{Axis, Ruler, Scale};
-use super::canvas::{BOLD, Canvas, Drawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width};
-use super::table::{Cell, Column, Table};
+use super::canvas::{
+    BOLD, Canvas, ChartDrawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width,
+};
+use super::table::{Table, TableCell, TableColumn};
 use super::{legend, number, shape};
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bars {
     pub title: String,
     pub axis: Axis,
-    pub groups: Vec<Group>,
+    pub groups: Vec<BarGroup>,
 }
 
 /// What belongs together, with a heading, which may be empty if it is the only one.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Group {
+pub struct BarGroup {
     pub name: String,
     pub bars: Vec<Bar>,
 }
@@ -46,7 +48,7 @@ const ROW: f64 = 24.0;
 const DOT: f64 = 5.0;
 
 impl Bars {
-    pub(super) fn draw(&self) -> Drawing {
+    pub(super) fn draw(&self) -> ChartDrawing {
         let all = || self.groups.iter().flat_map(|group| &group.bars);
         let shown = |bar: &&Bar| self.axis.takes(bar.value);
         let lost = all()
@@ -57,13 +59,13 @@ impl Bars {
             let zero = (self.axis.scale == Scale::Linear).then_some(0.0);
             [bar.value].into_iter().chain(bar.spread.into_iter().flatten()).chain(bar.before).chain(zero)
         });
-        let Some(ruler) = Ruler::new(&self.axis, values, 7) else { return Drawing::empty(&notes) };
+        let Some(ruler) = Ruler::new(&self.axis, values, 7) else { return ChartDrawing::empty(&notes) };
         let widest = |of: &dyn Fn(&Bar) -> String, size| {
             all().filter(shown).map(|bar| width(&of(bar), size)).fold(0.0, f64::max).min(WIDTH * 0.35)
         };
         let left = MARGIN + widest(&Bar::called, LABEL) + 10.0;
         let right = WIDTH - MARGIN - widest(&|bar| self.said(bar), TICK) - 12.0;
-        let groups: Vec<&Group> =
+        let groups: Vec<&BarGroup> =
             self.groups.iter().filter(|group| group.bars.iter().any(|bar| shown(&bar))).collect();
         let heads = groups.iter().filter(|group| !group.name.is_empty()).count();
         let rows = heads + groups.iter().flat_map(|group| &group.bars).filter(shown).count();
@@ -90,7 +92,7 @@ impl Bars {
         let entries =
             if before { vec![(sign, wide, "from the earlier run".to_string())] } else { Vec::new() };
         let bottom = canvas.key(entries, &notes, MARGIN, bottom + LINE - 3.0);
-        Drawing { canvas, bottom }
+        ChartDrawing { canvas, bottom }
     }
 
     fn said(&self, bar: &Bar) -> String {
@@ -134,16 +136,16 @@ impl Bars {
     }
 
     pub(super) fn table(&self) -> Table {
-        let mut columns = ["group", "method"].map(|title| Column::new(title, "")).to_vec();
-        columns.extend(Column::with_before(&self.axis.title, &self.axis.unit));
-        columns.extend(["lowest", "highest"].map(|title| Column::new(title, &self.axis.unit)));
-        columns.push(Column::new("remarks", ""));
+        let mut columns = ["group", "method"].map(|title| TableColumn::new(title, "")).to_vec();
+        columns.extend(TableColumn::with_before(&self.axis.title, &self.axis.unit));
+        columns.extend(["lowest", "highest"].map(|title| TableColumn::new(title, &self.axis.unit)));
+        columns.push(TableColumn::new("remarks", ""));
         let bars = self.groups.iter().flat_map(|group| group.bars.iter().map(move |bar| (group, bar)));
         let rows = bars.map(|(group, bar)| {
-            let mut row = vec![Cell::text(&group.name), Cell::text(&bar.name)];
-            row.extend(Cell::with_before(Some(bar.value), bar.before));
-            row.extend([0, 1].map(|end| Cell::maybe(bar.spread.map(|spread| spread[end]))));
-            row.push(Cell::text(if bar.default { "default" } else { "" }));
+            let mut row = vec![TableCell::text(&group.name), TableCell::text(&bar.name)];
+            row.extend(TableCell::with_before(Some(bar.value), bar.before));
+            row.extend([0, 1].map(|end| TableCell::maybe(bar.spread.map(|spread| spread[end]))));
+            row.push(TableCell::text(if bar.default { "default" } else { "" }));
             row
         });
         Table { caption: self.title.clone(), columns, rows: rows.collect() }.without_empty_columns()

@@ -6,7 +6,7 @@ use super::canvas::Rect;
 
 /// A label of a mark at a place, whose mark reaches so far, and its size.
 #[derive(Debug, Clone)]
-pub(super) struct Wanted {
+pub(super) struct LabelRequest {
     pub at: [f64; 2],
     pub reach: f64,
     pub size: [f64; 2],
@@ -66,7 +66,7 @@ pub(super) fn along(from: [f64; 2], to: [f64; 2]) -> impl Iterator<Item = [f64; 
 /// A place for each label within a frame, apart from blocks, and rather not on lines,
 /// which are given as places along them. Whether a line must lead to it, too.
 pub(super) fn place(
-    labels: &[Wanted],
+    labels: &[LabelRequest],
     within: Rect,
     blocks: &[Rect],
     lines: &[[f64; 2]],
@@ -125,7 +125,7 @@ fn anywhere([width, height]: [f64; 2], within: Rect) -> impl Iterator<Item = Rec
 }
 
 /// Beside a mark in one of sixteen directions, so far from its edge.
-fn beside(label: &Wanted, way: u32, ring: f64) -> Rect {
+fn beside(label: &LabelRequest, way: u32, ring: f64) -> Rect {
     let (sin, cos) = (std::f64::consts::TAU * f64::from(way) / 16.0).sin_cos();
     let corner = |axis: usize, part: f64| {
         let shift = match part {
@@ -147,11 +147,11 @@ mod tests {
 
     const FRAME: Rect = Rect { left: 0.0, top: 0.0, right: 600.0, bottom: 400.0 };
 
-    fn wanted(x: f64, y: f64, width: f64) -> Wanted {
-        Wanted { at: [x, y], reach: 5.0, size: [width, 16.0] }
+    fn wanted(x: f64, y: f64, width: f64) -> LabelRequest {
+        LabelRequest { at: [x, y], reach: 5.0, size: [width, 16.0] }
     }
 
-    fn blocks(labels: &[Wanted]) -> Vec<Rect> {
+    fn blocks(labels: &[LabelRequest]) -> Vec<Rect> {
         labels.iter().map(|label| Rect::around(label.at, label.reach)).collect()
     }
 
@@ -174,7 +174,7 @@ mod tests {
         fn labels_keep_apart(marks in prop::collection::vec((5.0..595.0, 5.0..395.0, 10.0..160.0), 0..30), near: bool) {
             let shrink = if near { 0.1 } else { 1.0 };
             let place_of = |(x, y, width): &(f64, f64, f64)| wanted(300.0 + (x - 300.0) * shrink, 200.0 + (y - 200.0) * shrink, *width);
-            let labels: Vec<Wanted> = marks.iter().map(place_of).collect();
+            let labels: Vec<LabelRequest> = marks.iter().map(place_of).collect();
             let blocks = blocks(&labels);
             let places = place(&labels, FRAME, &blocks, &[]);
             prop_assert!(labels.len() > 10 || places.iter().all(Option::is_some), "ten have room");

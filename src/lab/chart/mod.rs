@@ -19,11 +19,11 @@ mod shape;
 mod table;
 
 pub use axis::{Axis, Better, Scale};
-pub use dots::{Bar, Bars, Group};
-pub use page::{Figure, Item, Page, Section};
+pub use dots::{Bar, BarGroup, Bars};
+pub use page::{Figure, Page, PageItem, Section};
 pub use pattern::{Pattern, Patterns};
-pub use series::{Before, Mark, Panel, Plot, Quantity, Reference, Series, Style};
-pub use table::{Cell, Column, Table};
+pub use series::{Before, Mark, Panel, Plot, PlotStyle, Quantity, ReferenceLine, Series};
+pub use table::{Table, TableCell, TableColumn};
 
 /// Any chart.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +44,7 @@ impl Chart {
         self.draw().svg_standalone(self.title())
     }
 
-    fn draw(&self) -> canvas::Drawing {
+    fn draw(&self) -> canvas::ChartDrawing {
         match self {
             Chart::Plot(chart) => chart.draw(),
             Chart::Bars(chart) => chart.draw(),

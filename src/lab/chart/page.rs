@@ -18,11 +18,11 @@ pub struct Page {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Section {
     pub heading: String,
-    pub items: Vec<Item>,
+    pub items: Vec<PageItem>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub enum Item {
+pub enum PageItem {
     Text(String),
     Figure(Figure),
     /// A table that stands for itself.
@@ -90,9 +90,9 @@ impl Page {
                                 h2 { (section.heading) } "\n"
                                 @for item in &section.items {
                                     @match item {
-                                        Item::Text(text) => { @for part in paragraphs(text) { p { (part) } } }
-                                        Item::Figure(figure) => (figure.html()),
-                                        Item::Table(table) => (table.html()),
+                                        PageItem::Text(text) => { @for part in paragraphs(text) { p { (part) } } }
+                                        PageItem::Figure(figure) => (figure.html()),
+                                        PageItem::Table(table) => (table.html()),
                                     }
                                 }
                             }

@@ -2,12 +2,12 @@
 
 use super::axis::{Axis, Better, Ruler};
 use super::canvas::{BOLD, Canvas, LABEL, LINE, Rect, fitted, through, width};
-use super::label::{self, Wanted};
-use super::series::{Before, Mark, Panel, Plot, Quantity, Series, Style, joined};
+use super::label::{self, LabelRequest};
+use super::series::{Before, Mark, Panel, Plot, PlotStyle, Quantity, Series, joined};
 use super::shape;
 
 /// A mark in its place.
-struct Spot<'a> {
+struct MarkSpot<'a> {
     series: &'a Series,
     mark: &'a Mark,
     look: usize,
@@ -19,22 +19,22 @@ struct Spot<'a> {
 }
 
 /// A panel's frame and rulers.
-pub(super) struct Frame {
+pub(super) struct PanelFrame {
     pub x: Ruler,
     pub y: Ruler,
     pub rect: Rect,
 }
 
 impl Plot {
-    fn spots<'a>(&'a self, frame: &Frame, panel: &'a Panel) -> Vec<Spot<'a>> {
+    fn spots<'a>(&'a self, frame: &PanelFrame, panel: &'a Panel) -> Vec<MarkSpot<'a>> {
         let at = |x, y| [frame.x.at(x), frame.y.at(y)];
         let pairs =
             panel.series.iter().flat_map(|series| series.marks.iter().map(move |mark| (series, mark)));
         let shown = pairs.filter(|(_, mark)| self.takes(mark.x, mark.y));
-        let mut spots: Vec<Spot> = shown
+        let mut spots: Vec<MarkSpot> = shown
             .map(|(series, mark)| {
                 let before = mark.before.filter(|was| self.takes(was.x, was.y));
-                Spot {
+                MarkSpot {
                     series,
                     mark,
                     look: self.look(&series.name),
@@ -56,7 +56,7 @@ impl Plot {
     }
 
     /// Draws what was measured, and names those for whose label there is no room.
-    pub(super) fn draw_panel(&self, canvas: &mut Canvas, frame: &Frame, panel: &Panel) -> Vec<String> {
+    pub(super) fn draw_panel(&self, canvas: &mut Canvas, frame: &PanelFrame, panel: &Panel) -> Vec<String> {
         let spots = self.spots(frame, panel);
         let mut lines: Vec<[f64; 2]> = Vec::new();
         if self.has_front() && !spots.is_empty() {
@@ -68,7 +68,7 @@ impl Plot {
             canvas.path("front", &through(&steps));
             lines.extend(steps.windows(2).flat_map(|ends| label::along(ends[0], ends[1])));
         }
-        let class = if self.style == Style::Front { "join" } else { "line" };
+        let class = if self.style == PlotStyle::Front { "join" } else { "line" };
         for series in &panel.series {
             let mut parts = Canvas::default();
             let place = |x, y| self.takes(x, y).then(|| [frame.x.at(x), frame.y.at(y)]);
@@ -79,7 +79,7 @@ impl Plot {
                     lines.extend(run.windows(2).flat_map(|ends| label::along(ends[0], ends[1])));
                 }
             };
-            if self.style == Style::Curves {
+            if self.style == PlotStyle::Curves {
                 draw(
                     "was",
                     series.marks.iter().map(|mark| mark.before.and_then(|b| place(b.x, b.y))).collect(),
@@ -88,14 +88,14 @@ impl Plot {
             draw(class, series.marks.iter().map(|mark| place(mark.x, mark.y)).collect());
             canvas.group(&shape::class(self.look(&series.name)), &series.name, [0.0, 0.0], parts);
         }
-        if self.style == Style::Curves {
+        if self.style == PlotStyle::Curves {
             return Vec::new();
         }
         // The large ones first, or they would hide the small ones.
-        let mut order: Vec<&Spot> = spots.iter().collect();
+        let mut order: Vec<&MarkSpot> = spots.iter().collect();
         order.sort_by(|a, b| b.radius.total_cmp(&a.radius));
         order.iter().for_each(|spot| spot.draw(canvas, &self.tooltip(spot)));
-        if self.style == Style::Front {
+        if self.style == PlotStyle::Front {
             labels(canvas, &spots, frame.rect.grown(-3.0), lines)
         } else {
             Vec::new()
@@ -103,7 +103,7 @@ impl Plot {
     }
 
     /// What the pointer is told.
-    fn tooltip(&self, Spot { series, mark, beaten, .. }: &Spot) -> String {
+    fn tooltip(&self, MarkSpot { series, mark, beaten, .. }: &MarkSpot) -> String {
         let before = |of: fn(Before) -> Option<f64>| mark.before.and_then(of);
         let default = if mark.default { " (default)" } else { "" };
         let mut lines = vec![series.called(mark) + default];
@@ -118,7 +118,7 @@ impl Plot {
     }
 }
 
-impl Spot<'_> {
+impl MarkSpot<'_> {
     fn draw(&self, canvas: &mut Canvas, tooltip: &str) {
         let mut parts = Canvas::default();
         if let Some((was, radius)) = self.before {
@@ -149,7 +149,7 @@ impl Spot<'_> {
 
 /// Draws the labels of marks, and names those for which there was no room. The last of
 /// a series bears its name.
-fn labels(canvas: &mut Canvas, spots: &[Spot], within: Rect, mut lines: Vec<[f64; 2]>) -> Vec<String> {
+fn labels(canvas: &mut Canvas, spots: &[MarkSpot], within: Rect, mut lines: Vec<[f64; 2]>) -> Vec<String> {
     let mut blocks: Vec<Rect> = spots.iter().map(|spot| Rect::around(spot.at, spot.reach())).collect();
     for (spot, (was, radius)) in spots.iter().filter_map(|spot| Some((spot, spot.before?))) {
         blocks.push(Rect::around(was, shape::reach(spot.look, radius)));
@@ -171,7 +171,7 @@ fn labels(canvas: &mut Canvas, spots: &[Spot], within: Rect, mut lines: Vec<[f64
         let bold = width(&name, LABEL * BOLD);
         let rest = fitted(&rest, LABEL, (within.right - within.left) * 0.6 - bold);
         if !(name.is_empty() && rest.is_empty()) {
-            wanted.push(Wanted {
+            wanted.push(LabelRequest {
                 at: spot.at,
                 reach: spot.reach(),
                 size: [bold + width(&rest, LABEL), LINE],

@@ -1,7 +1,7 @@
 //! What sample patterns look like: dots in squares, side by side.
 
-use super::canvas::{BOLD, Canvas, Drawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, n, told};
-use super::table::{Cell, Column, Table};
+use super::canvas::{BOLD, Canvas, ChartDrawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, n, told};
+use super::table::{Table, TableCell, TableColumn};
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Patterns {
@@ -19,14 +19,14 @@ pub struct Pattern {
 }
 
 impl Patterns {
-    pub(super) fn draw(&self) -> Drawing {
+    pub(super) fn draw(&self) -> ChartDrawing {
         let outside = self.patterns.iter().filter_map(|pattern| {
             let lost = pattern.dots.len() - pattern.inside().count();
             (lost > 0).then(|| format!("{lost} dots of {} (outside of the square)", pattern.name))
         });
         let notes = Vec::from_iter(told("not shown", &outside.collect::<Vec<_>>()));
         if self.patterns.iter().all(|pattern| pattern.inside().next().is_none()) {
-            return Drawing::empty(&notes);
+            return ChartDrawing::empty(&notes);
         }
         let (columns, gap) = (self.patterns.len().min(4), 16.0);
         let side = ((WIDTH - 2.0 * MARGIN - gap * (columns - 1) as f64) / columns as f64).min(340.0);
@@ -38,18 +38,18 @@ impl Patterns {
         }
         let bottom = 4.0 + high * self.patterns.len().div_ceil(columns) as f64 - gap;
         let bottom = canvas.key(Vec::new(), &notes, MARGIN, bottom);
-        Drawing { canvas, bottom }
+        ChartDrawing { canvas, bottom }
     }
 
     pub(super) fn table(&self) -> Table {
         let rows = self.patterns.iter().map(|pattern| {
             vec![
-                Cell::text(&pattern.name),
-                Cell::Number(pattern.dots.len() as f64),
-                Cell::text(&pattern.note),
+                TableCell::text(&pattern.name),
+                TableCell::Number(pattern.dots.len() as f64),
+                TableCell::text(&pattern.note),
             ]
         });
-        let columns = ["pattern", "dots", "remarks"].map(|title| Column::new(title, "")).to_vec();
+        let columns = ["pattern", "dots", "remarks"].map(|title| TableColumn::new(title, "")).to_vec();
         Table { caption: self.title.clone(), columns, rows: rows.collect() }
     }
 }

@@ -2,14 +2,16 @@
 //! front of those that none beats on both axes, or one quantity over another as lines.
 
 use super::axis::{self, Ruler};
-use super::canvas::{BOLD, Canvas, Drawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width};
-use super::panel::Frame;
-use super::series::{Mark, Plot, Series, Style, joined};
-use super::table::{Cell, Column, Table};
+use super::canvas::{
+    BOLD, Canvas, ChartDrawing, LABEL, LINE, MARGIN, Rect, TICK, WIDTH, fitted, told, width,
+};
+use super::panel::PanelFrame;
+use super::series::{Mark, Plot, PlotStyle, Series, joined};
+use super::table::{Table, TableCell, TableColumn};
 use super::{legend, number, shape};
 
 impl Plot {
-    pub(super) fn draw(&self) -> Drawing {
+    pub(super) fn draw(&self) -> ChartDrawing {
         let all = || self.panels.iter().flat_map(|panel| &panel.series);
         let mut notes = Vec::from_iter(self.left_out());
         let marks = || all().flat_map(|series| &series.marks).filter(|mark| self.takes(mark.x, mark.y));
@@ -22,13 +24,13 @@ impl Plot {
         let columns = [1, 1, 2, 3, 2].get(self.panels.len()).copied().unwrap_or(3);
         let most = [[11, 9], [6, 6], [5, 5]][columns - 1];
         let (Some(x), Some(y)) = (Ruler::new(&self.x, x, most[0]), Ruler::new(&self.y, y, most[1])) else {
-            return Drawing::empty(&notes);
+            return ChartDrawing::empty(&notes);
         };
 
         let left = MARGIN + 8.0 + y.major.iter().map(|(_, label)| width(label, TICK)).fold(0.0, f64::max);
         let (right, gap) = (WIDTH - MARGIN - 8.0, 22.0);
         let (high, inset) =
-            ([380.0, 220.0, 170.0][columns - 1], if self.style == Style::Front { 22.0 } else { 10.0 });
+            ([380.0, 220.0, 170.0][columns - 1], if self.style == PlotStyle::Front { 22.0 } else { 10.0 });
         let wide = (right - left - gap * (columns - 1) as f64) / columns as f64;
         let head = if self.panels.iter().any(|panel| !panel.name.is_empty()) { 22.0 } else { 0.0 };
         let mut canvas = Canvas::default();
@@ -42,7 +44,7 @@ impl Plot {
                 [left + (wide + gap) * column as f64, 28.0 + (head + high + 14.0) * row as f64 + head];
             let rect =
                 Rect { left: corner[0], top: corner[1], right: corner[0] + wide, bottom: corner[1] + high };
-            let frame = Frame {
+            let frame = PanelFrame {
                 x: x.clone().between(rect.left + inset, rect.right - inset),
                 y: y.clone().between(rect.bottom - inset, rect.top + inset),
                 rect,
@@ -65,7 +67,7 @@ impl Plot {
         canvas.level_title(&self.x, [left, right], bottom);
         notes.extend(told("no room for the labels of", &unnamed));
         let bottom = canvas.key(self.key(before().next().is_some()), &notes, left, bottom + LINE - 3.0);
-        Drawing { canvas, bottom }
+        ChartDrawing { canvas, bottom }
     }
 
     /// What cannot be drawn, and why, in a sentence.
@@ -90,11 +92,14 @@ impl Plot {
         };
         let mut names: Vec<&str> = Vec::new();
         for series in
-            self.panels.iter().flat_map(|panel| &panel.series).filter(|_| self.style != Style::Front)
+            self.panels.iter().flat_map(|panel| &panel.series).filter(|_| self.style != PlotStyle::Front)
         {
             if !series.name.is_empty() && !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
-                entry(legend::sign(self.look(&series.name), true, self.style == Style::Lines), &series.name);
+                entry(
+                    legend::sign(self.look(&series.name), true, self.style == PlotStyle::Lines),
+                    &series.name,
+                );
             }
         }
         if self.has_front() {
@@ -108,10 +113,10 @@ impl Plot {
             .filter(|level| self.y.takes(level.y))
             .for_each(|level| entry(line("level"), &level.name));
         if before {
-            let sign = if self.style == Style::Curves { line("was") } else { legend::earlier_sign() };
+            let sign = if self.style == PlotStyle::Curves { line("was") } else { legend::earlier_sign() };
             entry(sign, "from the earlier run");
         }
-        let shown = axis::round_below(self.largest() / 4.0).filter(|_| self.style == Style::Front);
+        let shown = axis::round_below(self.largest() / 4.0).filter(|_| self.style == PlotStyle::Front);
         if let (Some(size), Some(shown)) = (&self.size, shown) {
             let (mut circle, radius) = (Canvas::default(), self.radius(Some(shown)));
             circle.path("was", &shape::path(0, [radius, 0.0], radius));
@@ -129,15 +134,15 @@ impl Plot {
         let plain = |mark: &Mark| mark.before.is_none() && mark.label.is_empty();
         let first = places(all().next()?.1);
         let alike = |series: &Series| places(series) == first && series.marks.iter().all(plain);
-        if self.style == Style::Front || !all().all(|(_, series)| alike(series)) {
+        if self.style == PlotStyle::Front || !all().all(|(_, series)| alike(series)) {
             return None;
         }
         let heads = all().map(|(panel, series)| joined(&[&panel.name, &series.name], " · "));
-        let mut columns = vec![Column::new(&self.x.title, &self.x.unit)];
-        columns.extend(heads.map(|head| Column::new(&head, &self.y.unit)));
+        let mut columns = vec![TableColumn::new(&self.x.title, &self.x.unit)];
+        columns.extend(heads.map(|head| TableColumn::new(&head, &self.y.unit)));
         let row = |(at, x): (usize, &f64)| {
             let here = all().map(|(_, series)| series.marks[at].y);
-            [*x].into_iter().chain(here).map(Cell::Number).collect()
+            [*x].into_iter().chain(here).map(TableCell::Number).collect()
         };
         let caption = format!("{}: {}", self.title, self.y.title);
         Some(Table { caption, columns, rows: first.iter().enumerate().map(row).collect() })
@@ -148,24 +153,27 @@ impl Plot {
             return table;
         }
         let size = self.size.clone().unwrap_or_default();
-        let axis = |title: &str, unit: &str| Column::with_before(title, unit);
-        let mut columns = ["panel", "method", "setting"].map(|title| Column::new(title, "")).to_vec();
+        let axis = |title: &str, unit: &str| TableColumn::with_before(title, unit);
+        let mut columns = ["panel", "method", "setting"].map(|title| TableColumn::new(title, "")).to_vec();
         columns
             .extend(axis(&self.x.title, &self.x.unit).into_iter().chain(axis(&self.y.title, &self.y.unit)));
         columns.extend(axis(&size.title, &size.unit));
-        columns.push(Column::new("remarks", ""));
+        columns.push(TableColumn::new("remarks", ""));
         let series =
             self.panels.iter().flat_map(|panel| panel.series.iter().map(move |series| (panel, series)));
         let marks =
             series.flat_map(|(panel, series)| series.marks.iter().map(move |mark| (panel, series, mark)));
         let rows = marks.map(|(panel, series, mark)| {
-            let mut row = [&panel.name, &series.name, &mark.label].map(|name| Cell::text(name)).to_vec();
-            row.extend(Cell::with_before(Some(mark.x), mark.before.map(|was| was.x)));
-            row.extend(Cell::with_before(Some(mark.y), mark.before.map(|was| was.y)));
+            let mut row = [&panel.name, &series.name, &mark.label].map(|name| TableCell::text(name)).to_vec();
+            row.extend(TableCell::with_before(Some(mark.x), mark.before.map(|was| was.x)));
+            row.extend(TableCell::with_before(Some(mark.y), mark.before.map(|was| was.y)));
             let shown = self.size.is_some();
             let was = mark.before.and_then(|was| was.size);
-            row.extend(Cell::with_before(mark.size.filter(|_| shown), was.filter(|_| shown)));
-            row.push(Cell::text(&joined(&[if mark.default { "default" } else { "" }, &mark.note], ", ")));
+            row.extend(TableCell::with_before(mark.size.filter(|_| shown), was.filter(|_| shown)));
+            row.push(TableCell::text(&joined(
+                &[if mark.default { "default" } else { "" }, &mark.note],
+                ", ",
+            )));
             row
         });
         Table { caption: self.title.clone(), columns, rows: rows.collect() }.without_empty_columns()
@@ -202,9 +210,9 @@ mod tests {
                 Series::line("b", places.map(|x| [x, 5.0])),
             ];
             let panels = vec![Panel { name: "town".into(), series: lines }];
-            Plot { panels, style: Style::Lines, ..Plot::default() }.table()
+            Plot { panels, style: PlotStyle::Lines, ..Plot::default() }.table()
         };
-        assert_eq!(plot([1.0, 2.0]).rows[1], [2.0, 4.0, 5.0].map(Cell::Number));
+        assert_eq!(plot([1.0, 2.0]).rows[1], [2.0, 4.0, 5.0].map(TableCell::Number));
         assert_eq!(plot([1.0, 2.0]).columns[2].title, "town · b");
         assert_eq!(plot([1.0, 3.0]).rows.len(), 4);
     }

@@ -9,15 +9,15 @@ pub struct Plot {
     pub y: Axis,
     /// One, or several side by side, all to the same scale: a scene each, say.
     pub panels: Vec<Panel>,
-    pub style: Style,
+    pub style: PlotStyle,
     /// What the area of a mark stands for; all are alike where nothing is said.
     pub size: Option<Quantity>,
     /// Levels to compare with, drawn across.
-    pub references: Vec<Reference>,
+    pub references: Vec<ReferenceLine>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Style {
+pub enum PlotStyle {
     /// Each mark with its label, and what is beaten on both axes lighter.
     #[default]
     Front,
@@ -43,7 +43,7 @@ pub struct Panel {
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Reference {
+pub struct ReferenceLine {
     pub y: f64,
     pub name: String,
 }
@@ -128,16 +128,16 @@ impl Plot {
 
     pub(super) fn radius(&self, size: Option<f64>) -> f64 {
         match (self.style, &self.size, size) {
-            (Style::Front, Some(_), Some(size)) if size.is_finite() && self.largest() > 0.0 => {
+            (PlotStyle::Front, Some(_), Some(size)) if size.is_finite() && self.largest() > 0.0 => {
                 (17.0 * (size.max(0.0) / self.largest()).sqrt()).max(3.0)
             }
-            (Style::Front, ..) => 5.5,
+            (PlotStyle::Front, ..) => 5.5,
             _ => 3.0,
         }
     }
 
     pub(super) fn has_front(&self) -> bool {
-        self.style == Style::Front && self.x.better != Better::Neither && self.y.better != Better::Neither
+        self.style == PlotStyle::Front && self.x.better != Better::Neither && self.y.better != Better::Neither
     }
 
     /// So that less is better.

@@ -7,19 +7,19 @@ use super::number;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
     pub caption: String,
-    pub columns: Vec<Column>,
-    pub rows: Vec<Vec<Cell>>,
+    pub columns: Vec<TableColumn>,
+    pub rows: Vec<Vec<TableCell>>,
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Column {
+pub struct TableColumn {
     pub title: String,
     /// Empty where there is none.
     pub unit: String,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
+pub enum TableCell {
     Text(String),
     /// To three digits that matter, or as a whole number where it is large.
     Number(f64),
@@ -31,37 +31,37 @@ pub enum Cell {
     Nothing,
 }
 
-impl Column {
-    pub fn new(title: &str, unit: &str) -> Column {
-        Column { title: title.to_string(), unit: unit.to_string() }
+impl TableColumn {
+    pub fn new(title: &str, unit: &str) -> TableColumn {
+        TableColumn { title: title.to_string(), unit: unit.to_string() }
     }
 
     /// Now, before and by how much it changed.
-    pub(super) fn with_before(title: &str, unit: &str) -> [Column; 3] {
-        [Column::new(title, unit), Column::new("before", unit), Column::new("change", "")]
+    pub(super) fn with_before(title: &str, unit: &str) -> [TableColumn; 3] {
+        [TableColumn::new(title, unit), TableColumn::new("before", unit), TableColumn::new("change", "")]
     }
 }
 
-impl Cell {
-    pub(super) fn text(text: &str) -> Cell {
-        if text.is_empty() { Cell::Nothing } else { Cell::Text(text.to_string()) }
+impl TableCell {
+    pub(super) fn text(text: &str) -> TableCell {
+        if text.is_empty() { TableCell::Nothing } else { TableCell::Text(text.to_string()) }
     }
 
-    pub(super) fn maybe(value: Option<f64>) -> Cell {
-        value.map_or(Cell::Nothing, Cell::Number)
+    pub(super) fn maybe(value: Option<f64>) -> TableCell {
+        value.map_or(TableCell::Nothing, TableCell::Number)
     }
 
-    pub(super) fn with_before(now: Option<f64>, before: Option<f64>) -> [Cell; 3] {
-        let change = now.zip(before).map(|(now, before)| Cell::Change { now, before });
-        [Cell::maybe(now), Cell::maybe(before), change.unwrap_or(Cell::Nothing)]
+    pub(super) fn with_before(now: Option<f64>, before: Option<f64>) -> [TableCell; 3] {
+        let change = now.zip(before).map(|(now, before)| TableCell::Change { now, before });
+        [TableCell::maybe(now), TableCell::maybe(before), change.unwrap_or(TableCell::Nothing)]
     }
 
     fn words(&self) -> String {
         match self {
-            Cell::Text(text) => text.clone(),
-            Cell::Number(value) => number::figure(*value),
-            Cell::Change { now, before } => number::change(*now, *before),
-            Cell::Nothing => String::new(),
+            TableCell::Text(text) => text.clone(),
+            TableCell::Number(value) => number::figure(*value),
+            TableCell::Change { now, before } => number::change(*now, *before),
+            TableCell::Nothing => String::new(),
         }
     }
 }
@@ -71,9 +71,9 @@ impl Table {
         let cells = |column: usize| self.rows.iter().filter_map(move |row| row.get(column));
         // Numbers stand to the right, so that their digits do under each other.
         let number = |column: usize| {
-            let mut filled = cells(column).filter(|cell| **cell != Cell::Nothing).peekable();
+            let mut filled = cells(column).filter(|cell| **cell != TableCell::Nothing).peekable();
             let any = filled.peek().is_some();
-            (any && filled.all(|cell| !matches!(cell, Cell::Text(_)))).then_some("number")
+            (any && filled.all(|cell| !matches!(cell, TableCell::Text(_)))).then_some("number")
         };
         let classes: Vec<_> = (0..self.columns.len()).map(number).collect();
         html! {
@@ -98,8 +98,9 @@ impl Table {
 
     /// Without the columns in which nothing stands.
     pub(super) fn without_empty_columns(mut self) -> Table {
-        let filled =
-            |at: usize| self.rows.iter().any(|row| row.get(at).is_some_and(|cell| *cell != Cell::Nothing));
+        let filled = |at: usize| {
+            self.rows.iter().any(|row| row.get(at).is_some_and(|cell| *cell != TableCell::Nothing))
+        };
         for column in (0..self.columns.len()).rev().filter(|at| !filled(*at)).collect::<Vec<_>>() {
             self.columns.remove(column);
             self.rows.iter_mut().for_each(|row| drop(row.remove(column)));

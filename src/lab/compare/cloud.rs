@@ -10,39 +10,47 @@ use super::steps::Steps;
 use super::{conversion, pictures, sampler};
 use crate::format::inputs;
 use crate::lab::sampling::evenness;
-use crate::lab::settings::{MeasureError, Place, Result};
+use crate::lab::settings::{MeasureError, Result, WorkFolder};
 use crate::lab::synth::Recipe;
 
 /// A scene to be made, or a cloud of the user.
-pub enum Cloud {
+pub enum ComparedCloud {
     Scene(Recipe),
     Own(PathBuf),
 }
 
-pub fn all(options: &CompareOptions) -> Vec<Cloud> {
-    let scenes = options.scenes.iter().map(|kind| Cloud::Scene(Recipe::new(*kind, options.points, SEED)));
-    scenes.chain(options.clouds.iter().cloned().map(Cloud::Own)).collect()
+pub fn all(options: &CompareOptions) -> Vec<ComparedCloud> {
+    let scenes =
+        options.scenes.iter().map(|kind| ComparedCloud::Scene(Recipe::new(*kind, options.points, SEED)));
+    scenes.chain(options.clouds.iter().cloned().map(ComparedCloud::Own)).collect()
 }
 
-impl Cloud {
+impl ComparedCloud {
     fn name(&self) -> String {
         match self {
-            Cloud::Scene(recipe) => recipe.kind.name().to_string(),
-            Cloud::Own(path) => path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+            ComparedCloud::Scene(recipe) => recipe.kind.name().to_string(),
+            ComparedCloud::Own(path) => {
+                path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+            }
         }
     }
 }
 
-pub fn measure(options: &CompareOptions, cloud: &Cloud, place: &Place, steps: &Steps) -> Result<SceneReport> {
+pub fn measure(
+    options: &CompareOptions,
+    cloud: &ComparedCloud,
+    place: &WorkFolder,
+    steps: &Steps,
+) -> Result<SceneReport> {
     let name = cloud.name();
     let path = match cloud {
-        Cloud::Scene(recipe) => {
+        ComparedCloud::Scene(recipe) => {
             steps.next(format!("making {name}"));
             let folder = place.at("cloud");
             options.means.synthesise(recipe, &name, &folder)?;
             folder
         }
-        Cloud::Own(path) => {
+        ComparedCloud::Own(path) => {
             steps.next(format!("reading {name}"));
             path.clone()
         }

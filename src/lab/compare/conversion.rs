@@ -9,20 +9,20 @@ use super::options::CompareOptions;
 use super::report::MethodReport;
 use super::steps::Steps;
 use crate::format::potree::{self, Metadata};
-use crate::lab::process::{Run, spread};
+use crate::lab::process::{ProcessRun, spread};
 use crate::lab::sampling::evenness::Evenness;
-use crate::lab::settings::{MeasureError, Place, Result, last_words};
+use crate::lab::settings::{MeasureError, Result, WorkFolder, last_words};
 
 /// Converts a cloud by all methods, whose octrees stay. Returns its points too.
 pub fn measure(
     options: &CompareOptions,
     name: &str,
     cloud: &Path,
-    place: &Place,
+    place: &WorkFolder,
     steps: &Steps,
 ) -> Result<(u64, Vec<MethodReport>)> {
     let means = &options.means;
-    let mut runs: Vec<Vec<Run>> = vec![Vec::new(); Method::ALL.len()];
+    let mut runs: Vec<Vec<ProcessRun>> = vec![Vec::new(); Method::ALL.len()];
     for round in 0..means.rounds {
         for (method, runs) in Method::ALL.into_iter().zip(&mut runs) {
             steps.next(format!("{name}: {}, round {} of {}", method.name(), round + 1, means.rounds));

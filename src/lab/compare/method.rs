@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::convert::options::{LodColor, Sampling};
-use crate::lab::settings::Place;
+use crate::lab::settings::WorkFolder;
 
 /// A way to convert.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +41,6 @@ impl Method {
 }
 
 /// Where a method's octree lies until it is measured.
-pub fn octree(place: &Place, method: Method) -> PathBuf {
+pub fn octree(place: &WorkFolder, method: Method) -> PathBuf {
     place.at(&format!("octree of {}", method.name()))
 }

@@ -9,7 +9,7 @@
 //! plane of noise ──▶ samplers ──▶ patterns, spectra
 //! ```
 //!
-//! All is data first ([`Report`], written as JSON); the page is made from that.
+//! All is data first ([`ComparisonReport`], written as JSON); the page is made from that.
 
 mod cloud;
 mod conversion;
@@ -24,24 +24,24 @@ mod sampler;
 mod steps;
 mod verdict;
 
-use super::settings::{Place, Result, Step};
+use super::settings::{Result, Step, WorkFolder};
 pub use method::Method;
 pub use options::CompareOptions;
 use options::VIEWS;
 pub use page::{main_chart, page};
-pub use report::{Report, read};
+pub use report::{ComparisonReport, read};
 use steps::Steps;
-pub use verdict::{Finding, findings};
+pub use verdict::{Claim, findings};
 
 /// Measures all that is wished for. `say` is told before each step.
-pub fn measure(options: &CompareOptions, say: &dyn Fn(Step)) -> Result<Report> {
-    let place = Place::new(&options.means)?;
+pub fn measure(options: &CompareOptions, say: &dyn Fn(Step)) -> Result<ComparisonReport> {
+    let place = WorkFolder::new(&options.means)?;
     let clouds = cloud::all(options);
     // A cloud is made, converted, sampled, looked at, and drawn.
     let of_cloud = 1 + options.means.rounds * (1 + Method::ALL.len()) + Method::ALL.len() + VIEWS.len();
     let of = clouds.len() * of_cloud + Method::samplers().count();
     let steps = Steps { done: Default::default(), of, say };
-    let mut report = Report::new(options);
+    let mut report = ComparisonReport::new(options);
     for method in Method::samplers() {
         steps.next(format!("patterns of {}", method.name()));
         report.patterns.push(pattern::measure(method, options.patterns));

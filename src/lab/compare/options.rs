@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use crate::lab::settings::Means;
-use crate::lab::synth::Kind;
+use crate::lab::settings::BenchmarkSettings;
+use crate::lab::synth::SceneKind;
 use crate::render::framing::View;
 
 /// What is to be compared.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
-    pub means: Means,
-    pub scenes: Vec<Kind>,
+    pub means: BenchmarkSettings,
+    pub scenes: Vec<SceneKind>,
     /// Points of each scene.
     pub points: u64,
     /// Clouds of the user, beside the scenes.
@@ -23,15 +23,15 @@ pub struct CompareOptions {
 
 impl CompareOptions {
     /// For an impression, in minutes.
-    pub fn quick(means: Means) -> CompareOptions {
-        let scenes = vec![Kind::Terrain, Kind::Interior, Kind::Object];
+    pub fn quick(means: BenchmarkSettings) -> CompareOptions {
+        let scenes = vec![SceneKind::Terrain, SceneKind::Interior, SceneKind::Object];
         let budgets = vec![50_000, 200_000];
         CompareOptions { means, scenes, points: 2_000_000, clouds: Vec::new(), budgets, patterns: 4 }
     }
 
     /// For the record, in an hour.
-    pub fn full(means: Means) -> CompareOptions {
-        let scenes = vec![Kind::Terrain, Kind::Interior, Kind::Object, Kind::Town];
+    pub fn full(means: BenchmarkSettings) -> CompareOptions {
+        let scenes = vec![SceneKind::Terrain, SceneKind::Interior, SceneKind::Object, SceneKind::Town];
         let budgets = vec![50_000, 200_000, 800_000];
         CompareOptions { means, scenes, points: 20_000_000, clouds: Vec::new(), budgets, patterns: 16 }
     }

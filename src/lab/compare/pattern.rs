@@ -5,13 +5,13 @@ use rayon::prelude::*;
 use super::method::Method;
 use super::report::PatternReport;
 use crate::lab::sampling::evenness;
-use crate::lab::sampling::plane::{Pattern, cutting, pattern, spectrum_of};
+use crate::lab::sampling::plane::{SampledPattern, cutting, pattern, spectrum_of};
 
 /// Spacings along the side of the picture of a pattern.
 const WIDE: u32 = 28;
 
 pub fn measure(method: Method, patterns: u32) -> PatternReport {
-    let patterns: Vec<Pattern> =
+    let patterns: Vec<SampledPattern> =
         (0..patterns.max(1)).into_par_iter().map(|seed| pattern(method.sampling, seed)).collect();
     let even: Vec<_> = patterns.iter().map(|pattern| pattern.even).collect();
     let thousandths = |c: f64| (c * 1000.0).round() as u16;

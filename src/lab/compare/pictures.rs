@@ -9,11 +9,11 @@ use super::options::{CompareOptions, SIZE};
 use super::report::{FrameReport, MethodReport, PictureReport, RendererReport};
 use crate::lab::flip;
 use crate::lab::process::spread;
-use crate::lab::settings::{Place, Result};
+use crate::lab::settings::{Result, WorkFolder};
 use crate::render::color::ColorBy;
 use crate::render::frame::{Picture, Shading};
 use crate::render::framing::View;
-use crate::render::octree_renderer::{Effort, Quality, Stand, Studio};
+use crate::render::octree_renderer::{OctreeRenderer, Quality, RenderStats, Viewpoint};
 use crate::render::renderer::Choice;
 
 /// Points of the pictures that renderers are compared by.
@@ -38,20 +38,20 @@ fn styles() -> [(&'static str, Shading); 4] {
 /// The picture of all points, what the eye sees of it, and where it was taken
 /// from: all that are held against it are taken from there too.
 struct Full {
-    stand: Stand,
+    stand: Viewpoint,
     picture: Picture,
-    seen: flip::Reference,
+    seen: flip::ReferencePicture,
 }
 
 impl Full {
-    fn new(studio: &mut Studio, view: View) -> Result<Full> {
+    fn new(studio: &mut OctreeRenderer, view: View) -> Result<Full> {
         let stand = studio.stand(SIZE, view);
         let (picture, _) = taken(studio, stand, &Quality::full())?;
-        Ok(Full { stand, seen: flip::Reference::new(SIZE[0] as usize, &picture.pixels), picture })
+        Ok(Full { stand, seen: flip::ReferencePicture::new(SIZE[0] as usize, &picture.pixels), picture })
     }
 }
 
-fn taken(studio: &mut Studio, stand: Stand, quality: &Quality) -> Result<(Picture, Effort)> {
+fn taken(studio: &mut OctreeRenderer, stand: Viewpoint, quality: &Quality) -> Result<(Picture, RenderStats)> {
     let set_up = studio.set_up_from(stand, SIZE, quality)?;
     Ok((studio.draw(&set_up, quality)?, set_up.effort()))
 }
@@ -61,13 +61,13 @@ fn taken(studio: &mut Studio, stand: Stand, quality: &Quality) -> Result<(Pictur
 pub fn measure(
     options: &CompareOptions,
     (name, view): (&str, View),
-    place: &Place,
+    place: &WorkFolder,
     methods: &mut [MethodReport],
     renderers: &mut Vec<RendererReport>,
 ) -> Result<()> {
     let mut full: Option<Full> = None;
     for (method, figures) in Method::ALL.into_iter().zip(methods) {
-        let mut studio = Studio::open(&octree(place, method), ColorBy::Auto, Choice::Cpu)?;
+        let mut studio = OctreeRenderer::open(&octree(place, method), ColorBy::Auto, Choice::Cpu)?;
         let full = match &full {
             Some(full) => full,
             None => full.insert(Full::new(&mut studio, view)?),
@@ -95,11 +95,11 @@ fn draw(
     options: &CompareOptions,
     name: &str,
     choice: Choice,
-    place: &Place,
+    place: &WorkFolder,
     full: &Full,
     renderers: &mut Vec<RendererReport>,
 ) -> Result<()> {
-    let mut studio = Studio::open(&octree(place, Method::ALL[0]), ColorBy::Auto, choice)?;
+    let mut studio = OctreeRenderer::open(&octree(place, Method::ALL[0]), ColorBy::Auto, choice)?;
     for budget in BUDGETS {
         let started = Instant::now();
         let quality = within(budget);

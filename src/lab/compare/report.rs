@@ -18,7 +18,7 @@ use crate::lab::settings::{MeasureError, Result};
 const FORMAT: u32 = 1;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Report {
+pub struct ComparisonReport {
     pub format: u32,
     pub version: String,
     /// Of the checkout that the program lies in; empty where it lies in none.
@@ -102,9 +102,9 @@ pub struct FrameReport {
     pub load_ms: f64,
 }
 
-impl Report {
-    pub fn new(options: &CompareOptions) -> Report {
-        Report {
+impl ComparisonReport {
+    pub fn new(options: &CompareOptions) -> ComparisonReport {
+        ComparisonReport {
             format: FORMAT,
             version: env!("CARGO_PKG_VERSION").to_string(),
             commit: machine::commit(&options.means.program),
@@ -163,10 +163,10 @@ pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Reads an earlier report.
-pub fn read(path: &Path) -> Result<Report> {
+pub fn read(path: &Path) -> Result<ComparisonReport> {
     let earlier = |problem: String| MeasureError::Earlier { path: path.to_path_buf(), problem };
     let text = std::fs::read(path).map_err(|error| earlier(error.to_string()))?;
-    let report: Report = serde_json::from_slice(&text)
+    let report: ComparisonReport = serde_json::from_slice(&text)
         .map_err(|error| earlier(format!("this is no report of `lodestone report --json`: {error}")))?;
     if report.format != FORMAT {
         let other = format!("its format is {} where {FORMAT} is known here", report.format);
@@ -203,7 +203,7 @@ pub mod tests_support {
         }
     }
 
-    pub fn report(methods: Vec<MethodReport>) -> Report {
+    pub fn report(methods: Vec<MethodReport>) -> ComparisonReport {
         let spectrum =
             Spectrum { rings: (0..192).map(f64::from).collect(), spacings: 128, line: 4.0, low: 0.07 };
         let pattern = |method: &MethodReport| PatternReport {
@@ -228,7 +228,7 @@ pub mod tests_support {
             renderer: "cpu".into(),
             pictures: vec![frame(25_000), frame(100_000), frame(600_000)],
         };
-        Report {
+        ComparisonReport {
             format: FORMAT,
             version: "1.2.3".into(),
             commit: "0123456789ab".into(),

@@ -10,12 +10,12 @@ use super::steps::Steps;
 use crate::format::las::LasFile;
 use crate::lab::process::{Spread, spread};
 use crate::lab::settings::Result;
-use crate::octree::cube::{Cube, Frame};
+use crate::octree::cube::{Cube, NodeCube};
 use crate::octree::lattice::Lattice;
-use crate::octree::local_octree::{Builder, Emit};
+use crate::octree::local_octree::{LocalOctreeBuilder, NodeSink};
 use crate::octree::node::{LEAF_LIMIT, NodeKey};
 use crate::octree::record;
-use crate::octree::sampling::sampler::{Item, Rim, Sampler};
+use crate::octree::sampling::sampler::{BorderSamples, IndexedPoint, Sampler};
 
 /// Points that are looked at: the first of the first file.
 const MOST: usize = 4_000_000;
@@ -35,7 +35,7 @@ pub fn measure(
         for (method, spent) in Method::samplers().zip(&mut spent) {
             let mut sampler = Timed { sampler: method.sampling.sampler(cube.slack()), spent: Duration::ZERO };
             let (mut items, mut spare) = (items.clone(), items.clone());
-            let mut builder = Builder::new(cube.bits, LEAF_LIMIT, &mut sampler, Nowhere);
+            let mut builder = LocalOctreeBuilder::new(cube.bits, LEAF_LIMIT, &mut sampler, Nowhere);
             let Ok(_) = builder.build(NodeKey::ROOT, &mut items, &mut spare);
             spent.push(sampler.spent.as_secs_f64() * 1e9 / items.len().max(1) as f64);
             options.means.go_on()?;
@@ -44,7 +44,7 @@ pub fn measure(
     Ok(spent.into_iter().map(|spent| spread(spent.into_iter())).collect())
 }
 
-fn first_points(files: &[PathBuf]) -> Result<(Cube, Vec<Item>)> {
+fn first_points(files: &[PathBuf]) -> Result<(Cube, Vec<IndexedPoint>)> {
     let mut positions: Vec<[i32; 3]> = Vec::new();
     let (mut records, mut scale) = (Vec::new(), [1.0; 3]);
     if let Some(path) = files.first() {
@@ -67,7 +67,7 @@ fn first_points(files: &[PathBuf]) -> Result<(Cube, Vec<Item>)> {
     let (min, max) = (bound(i32::min), bound(i32::max));
     let (offset, exact, finest, too_wide) = ([0.0; 3], [true; 3], scale, [false; 3]);
     let cube = Cube::around(&Lattice { scale, offset, exact, finest, too_wide, min, max });
-    let items = positions.iter().zip(0..).map(|(at, index)| Item { at: cube.tree(*at), index });
+    let items = positions.iter().zip(0..).map(|(at, index)| IndexedPoint { at: cube.tree(*at), index });
     Ok((cube, items.collect()))
 }
 
@@ -78,11 +78,17 @@ struct Timed {
 }
 
 impl Sampler for Timed {
-    fn begin(&mut self, around: Vec<Rim>) {
+    fn begin(&mut self, around: Vec<BorderSamples>) {
         self.sampler.begin(around);
     }
 
-    fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
+    fn sample(
+        &mut self,
+        node: NodeKey,
+        frame: NodeCube,
+        candidates: &[&[IndexedPoint]],
+        taken: &mut Vec<bool>,
+    ) {
         let started = Instant::now();
         self.sampler.sample(node, frame, candidates, taken);
         self.spent += started.elapsed();
@@ -92,10 +98,10 @@ impl Sampler for Timed {
 /// Where nodes go when only the way there matters.
 struct Nowhere;
 
-impl Emit for Nowhere {
+impl NodeSink for Nowhere {
     type Error = std::convert::Infallible;
 
-    fn node(&mut self, _: NodeKey, _: Frame, _: &[Item]) -> std::result::Result<(), Self::Error> {
+    fn node(&mut self, _: NodeKey, _: NodeCube, _: &[IndexedPoint]) -> std::result::Result<(), Self::Error> {
         Ok(())
     }
 }

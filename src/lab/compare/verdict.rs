@@ -1,7 +1,7 @@
 //! What the figures say of the default method: whether it is the one that the
 //! charts speak for.
 
-use super::report::{MethodReport, Report, SceneReport};
+use super::report::{ComparisonReport, MethodReport, SceneReport};
 use crate::words::grouped;
 
 /// Share of the samples that may have one of another node too near.
@@ -14,12 +14,12 @@ pub const MOST_LINE: f64 = 8.0;
 
 /// A claim about the default, and whether the figures bear it out.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Finding {
+pub struct Claim {
     pub holds: bool,
     pub words: String,
 }
 
-pub fn findings(report: &Report) -> Vec<Finding> {
+pub fn findings(report: &ComparisonReport) -> Vec<Claim> {
     let mut findings = Vec::new();
     for scene in &report.scenes {
         let Some(default) = scene.default_method() else { continue };
@@ -33,33 +33,33 @@ pub fn findings(report: &Report) -> Vec<Finding> {
             grouped(even.across),
             100.0 * even.across_share()
         );
-        findings.push(Finding { holds: even.inside == 0 && even.across_share() <= MOST_ACROSS, words });
+        findings.push(Claim { holds: even.inside == 0 && even.across_share() <= MOST_ACROSS, words });
         let speed = |method: &MethodReport| method.sampler_ns.map(|spread| spread.median);
         if let (Some(shells), Some(own)) = (scene.method("shells").and_then(speed), speed(default)) {
             let times = shells / own;
             let words = format!("{name}: its sampler is {times:.1} times as fast as the paper's shells");
-            findings.push(Finding { holds: times >= LEAST_SPEEDUP, words });
+            findings.push(Claim { holds: times >= LEAST_SPEEDUP, words });
         }
     }
     if let Some(pattern) = report.patterns.first() {
         let line = pattern.spectrum.line;
         let words = format!("on a plane, its strongest frequency stands {line:.1} × out of its ring");
-        findings.push(Finding { holds: line <= MOST_LINE, words });
+        findings.push(Claim { holds: line <= MOST_LINE, words });
     }
     findings
 }
 
-fn good(words: String) -> Finding {
-    Finding { holds: true, words }
+fn good(words: String) -> Claim {
+    Claim { holds: true, words }
 }
 
-fn bad(words: String) -> Finding {
-    Finding { holds: false, words }
+fn bad(words: String) -> Claim {
+    Claim { holds: false, words }
 }
 
 /// Whether no method is both faster and truer than the default, in pictures of few
 /// points as in those of many. Where one is at some budgets only, that is told too.
-fn on_the_front(scene: &SceneReport, default: &MethodReport, budgets: &[u64]) -> Finding {
+fn on_the_front(scene: &SceneReport, default: &MethodReport, budgets: &[u64]) -> Claim {
     let by = |budget: &u64| beaten_by(scene, default, *budget);
     let (beaten, front): (Vec<u64>, Vec<u64>) = budgets.iter().copied().partition(|b| !by(b).is_empty());
     let mut names: Vec<&str> = beaten.iter().flat_map(by).collect();

@@ -62,7 +62,7 @@ impl Evenness {
 /// octree's positions.
 pub fn of_levels(folder: &Path) -> Result<Vec<Evenness>> {
     let mut octree = Octree::open(folder)?;
-    let lattice = Lattice::of(&octree);
+    let lattice = IntegerPositions::of(&octree);
     let (mut levels, mut drawn): (Vec<Evenness>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
     let mut nodes: Vec<Node> = octree.node(NodeName::ROOT)?.into_iter().collect();
     while nodes.iter().any(|node| node.child_mask != 0) {
@@ -108,22 +108,22 @@ pub fn total(levels: &[Evenness]) -> Evenness {
 
 /// Positions as the whole numbers they are stored as, seen from the cube's
 /// corner: exact, as are their differences and squares within some spacings.
-struct Lattice {
+struct IntegerPositions {
     corner: [f64; 3],
     /// Of each axis, in multiples of the finest.
     stretch: [f64; 3],
     side: f64,
 }
 
-impl Lattice {
-    fn of(octree: &Octree) -> Lattice {
+impl IntegerPositions {
+    fn of(octree: &Octree) -> IntegerPositions {
         let metadata = &octree.metadata;
         let unit = metadata.scale.iter().copied().fold(f64::INFINITY, f64::min);
         let (low, high) = (metadata.bounding_box.min, metadata.bounding_box.max);
         let corner =
             std::array::from_fn(|axis| ((low[axis] - metadata.offset[axis]) / metadata.scale[axis]).round());
         let stretch = metadata.scale.map(|scale| scale / unit);
-        Lattice { corner, stretch, side: ((high[0] - low[0]) / unit).round() }
+        IntegerPositions { corner, stretch, side: ((high[0] - low[0]) / unit).round() }
     }
 
     /// Of the nodes of a level, in units.
@@ -144,7 +144,7 @@ impl Lattice {
     }
 }
 
-fn points(octree: &Octree, lattice: &Lattice, nodes: &[Node]) -> Result<Vec<[f64; 3]>> {
+fn points(octree: &Octree, lattice: &IntegerPositions, nodes: &[Node]) -> Result<Vec<[f64; 3]>> {
     let mut points = Vec::new();
     for node in nodes {
         let records = octree.records(node, node.points)?;

@@ -6,10 +6,10 @@ use super::evenness::{self, Evenness};
 use super::neighbors::Placed;
 use super::spectrum::{Spectrum, spectrum};
 use crate::convert::options::Sampling;
-use crate::octree::cube::{Frame, SPACING_BITS};
-use crate::octree::local_octree::{Builder, Emit};
+use crate::octree::cube::{NodeCube, SPACING_BITS};
+use crate::octree::local_octree::{LocalOctreeBuilder, NodeSink};
 use crate::octree::node::NodeKey;
-use crate::octree::sampling::sampler::Item;
+use crate::octree::sampling::sampler::IndexedPoint;
 
 /// Bits of the square's side.
 const BITS: u32 = 20;
@@ -21,7 +21,7 @@ const DENSITY: u32 = 32;
 const LEAF: usize = (SPACINGS * SPACINGS * DENSITY / 8) as usize;
 
 /// What a sampler makes of one square of noise.
-pub struct Pattern {
+pub struct SampledPattern {
     /// Where its samples lie in the unit square.
     pub coarse: Vec<[f64; 2]>,
     /// What a viewer shows one level finer, of four nodes that meet in the middle.
@@ -37,10 +37,10 @@ struct Levels {
     below: Vec<Placed>,
 }
 
-impl Emit for Levels {
+impl NodeSink for Levels {
     type Error = std::convert::Infallible;
 
-    fn node(&mut self, node: NodeKey, _: Frame, items: &[Item]) -> Result<(), Self::Error> {
+    fn node(&mut self, node: NodeKey, _: NodeCube, items: &[IndexedPoint]) -> Result<(), Self::Error> {
         let into = if node.level == 1 { &mut self.samples } else { &mut self.below };
         into.extend(items.iter().map(|item| placed(item.at)));
         Ok(())
@@ -54,16 +54,16 @@ fn placed(at: [u32; 3]) -> Placed {
 }
 
 /// Samples a square of white noise; the seed says which.
-pub fn pattern(sampling: Sampling, seed: u32) -> Pattern {
-    let mut items: Vec<Item> = noise(seed).collect();
+pub fn pattern(sampling: Sampling, seed: u32) -> SampledPattern {
+    let mut items: Vec<IndexedPoint> = noise(seed).collect();
     let mut spare = items.clone();
     let mut sampler = sampling.sampler(0);
-    let mut builder = Builder::new(BITS, LEAF, &mut *sampler, Levels::default());
+    let mut builder = LocalOctreeBuilder::new(BITS, LEAF, &mut *sampler, Levels::default());
     let Ok(root) = builder.build(NodeKey::ROOT, &mut items, &mut spare);
     let Levels { mut samples, below } = builder.emit;
     samples.extend(root.items.iter().map(|item| placed(item.at)));
     let flat = |at: [f64; 3]| [at[0], at[1]].map(|c| c / f64::from(1u32 << BITS));
-    Pattern {
+    SampledPattern {
         coarse: root.items.iter().map(|item| flat(item.at.map(f64::from))).collect(),
         fine: samples.iter().map(|sample| flat(sample.at)).collect(),
         even: evenness::level(f64::from(1u32 << (BITS - SPACING_BITS - 1)), &samples, &samples, &below),
@@ -71,26 +71,26 @@ pub fn pattern(sampling: Sampling, seed: u32) -> Pattern {
 }
 
 /// Points of a plane in the middle of the cube, all different from seed to seed.
-fn noise(seed: u32) -> impl Iterator<Item = Item> {
+fn noise(seed: u32) -> impl Iterator<Item = IndexedPoint> {
     (0..SPACINGS * SPACINGS * DENSITY).map(move |index| {
         let mut h = (u64::from(seed) << 32 | u64::from(index)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         h = (h ^ h >> 32).wrapping_mul(0xD6E8_FEB8_6659_FD93);
         h = (h ^ h >> 32).wrapping_mul(0xD6E8_FEB8_6659_FD93);
         let h = h ^ h >> 32;
         let mask = (1 << BITS) - 1;
-        Item { at: [h as u32 & mask, (h >> 32) as u32 & mask, 1 << (BITS - 1)], index }
+        IndexedPoint { at: [h as u32 & mask, (h >> 32) as u32 & mask, 1 << (BITS - 1)], index }
     })
 }
 
 /// The mean spectrum of some patterns.
-pub fn spectrum_of(patterns: &[Pattern]) -> Spectrum {
+pub fn spectrum_of(patterns: &[SampledPattern]) -> Spectrum {
     let points: Vec<Vec<[f64; 2]>> = patterns.iter().map(|pattern| pattern.coarse.clone()).collect();
     spectrum(&points, SPACINGS)
 }
 
 /// The dots of the finer level around the middle, where its nodes meet, so many
 /// of its spacings wide, in the unit square.
-pub fn cutting(pattern: &Pattern, wide: u32) -> Vec<[f64; 2]> {
+pub fn cutting(pattern: &SampledPattern, wide: u32) -> Vec<[f64; 2]> {
     let half = f64::from(wide) / f64::from(4 * SPACINGS);
     let inside = pattern.fine.iter().filter(|at| at.iter().all(|c| (c - 0.5).abs() < half));
     inside.map(|at| at.map(|c| (c - 0.5) / (2.0 * half) + 0.5)).collect()
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn the_methods_are_told_apart() {
         let of = |sampling| {
-            let patterns: Vec<Pattern> = (0..2).map(|seed| pattern(sampling, seed)).collect();
+            let patterns: Vec<SampledPattern> = (0..2).map(|seed| pattern(sampling, seed)).collect();
             let even = patterns[0].even;
             (even, spectrum_of(&patterns), cutting(&patterns[0], 24).len())
         };

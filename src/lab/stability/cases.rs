@@ -1,7 +1,7 @@
 //! The scenes of the table.
 
 use super::options::StabilityOptions;
-use crate::lab::synth::{Kind, Recipe};
+use crate::lab::synth::{Recipe, SceneKind};
 
 /// A scene and what it is called.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +11,7 @@ pub struct Case {
 }
 
 impl Case {
-    fn of(kind: Kind, points: u64) -> Case {
+    fn of(kind: SceneKind, points: u64) -> Case {
         Case::called(kind.name(), Recipe::new(kind, points, 1))
     }
 
@@ -21,7 +21,7 @@ impl Case {
 
     /// The scene that all others are held against.
     pub fn benign(points: u64) -> Case {
-        Case::of(Kind::Terrain, points)
+        Case::of(SceneKind::Terrain, points)
     }
 }
 
@@ -29,24 +29,24 @@ impl Case {
 /// made once for each.
 pub fn wished(options: &StabilityOptions) -> Vec<Case> {
     let points = options.points;
-    let mut cases: Vec<Case> = Kind::ALL.map(|kind| Case::of(kind, points)).into();
-    let duplicates = Recipe::new(Kind::Duplicates, points, 1);
+    let mut cases: Vec<Case> = SceneKind::ALL.map(|kind| Case::of(kind, points)).into();
+    let duplicates = Recipe::new(SceneKind::Duplicates, points, 1);
     cases.push(Case::called("duplicates, pairs", Recipe { twins: true, ..duplicates }));
     cases.push(Case::called("duplicates, 99 %", Recipe { share: 0.99, ..duplicates }));
-    let town = Recipe::new(Kind::Town, points, 1);
+    let town = Recipe::new(SceneKind::Town, points, 1);
     cases.push(Case::called("town, 1 cm in 10 km", Recipe { teapot: true, ..town }));
     if options.full {
-        let outliers = Recipe::new(Kind::Outliers, 20_000_000, 1);
+        let outliers = Recipe::new(SceneKind::Outliers, 20_000_000, 1);
         cases.push(Case::called("outliers", outliers));
         cases.push(Case::called("outliers, 780 km", Recipe { span: 780.0, ..outliers }));
         cases.push(Case::called(
             "town, 1 cm in 10 km",
-            Recipe { teapot: true, ..Recipe::new(Kind::Town, 20_000_000, 1) },
+            Recipe { teapot: true, ..Recipe::new(SceneKind::Town, 20_000_000, 1) },
         ));
-        cases.push(Case::called("volume, 300³", Recipe::new(Kind::Volume, 27_000_000, 1)));
+        cases.push(Case::called("volume, 300³", Recipe::new(SceneKind::Volume, 27_000_000, 1)));
         cases.push(Case::called(
             "duplicates, one position",
-            Recipe { share: 1.0, ..Recipe::new(Kind::Duplicates, 40_000_000, 1) },
+            Recipe { share: 1.0, ..Recipe::new(SceneKind::Duplicates, 40_000_000, 1) },
         ));
     }
     cases.retain(|case| options.scenes.is_empty() || options.scenes.contains(&case.recipe.kind));

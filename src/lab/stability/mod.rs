@@ -13,7 +13,7 @@ mod row;
 
 use serde::Serialize;
 
-use super::settings::{Place, Result, Step};
+use super::settings::{Result, Step, WorkFolder};
 use crate::convert::options::Sampling;
 use cases::Case;
 pub use options::StabilityOptions;
@@ -22,7 +22,7 @@ pub use row::Row;
 use row::{BENIGN, CLOUD};
 
 #[derive(Debug, Serialize)]
-pub struct Table {
+pub struct StabilityTable {
     pub version: &'static str,
     pub threads: usize,
     pub rounds: usize,
@@ -31,13 +31,17 @@ pub struct Table {
 
 /// Measures all scenes that are wished for. `say` is told before each step;
 /// `shown` gets each row when it is there.
-pub fn measure(options: &StabilityOptions, say: &dyn Fn(Step), shown: &dyn Fn(&Row)) -> Result<Table> {
+pub fn measure(
+    options: &StabilityOptions,
+    say: &dyn Fn(Step),
+    shown: &dyn Fn(&Row),
+) -> Result<StabilityTable> {
     let cases = cases::wished(options);
     let samplings = [Sampling::Poisson, Sampling::Random];
     let of = cases.len() * samplings.len();
     let means = &options.means;
-    let place = Place::new(means)?;
-    let mut table = Table {
+    let place = WorkFolder::new(means)?;
+    let mut table = StabilityTable {
         version: env!("CARGO_PKG_VERSION"),
         threads: means.threads,
         rounds: means.rounds,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::Table;
+use super::StabilityTable;
 use super::row::{MOST_LEVELS, MOST_MEMORY, MOST_TIME, Row};
 use crate::words::grouped;
 
@@ -37,7 +37,7 @@ holds more than 10 000 different positions.
 ";
 
 /// The page with the whole table.
-pub fn markdown(table: &Table) -> String {
+pub fn markdown(table: &StabilityTable) -> String {
     let mut page = String::from(HEAD);
     page.push_str(
         "| scene | points | sampler | outcome | s | × terrain | CPU-s | × terrain | peak MB | × terrain | depth | asked | nodes | largest node | set aside | misses |\n\

@@ -11,8 +11,8 @@ use serde::Serialize;
 use super::cases::Case;
 use crate::convert::options::Sampling;
 use crate::format::potree::{self, Metadata};
-use crate::lab::process::{self, Ended, Run, spread};
-use crate::lab::settings::{Means, MeasureError, Place, Result, last_words};
+use crate::lab::process::{self, ProcessEnd, ProcessRun, spread};
+use crate::lab::settings::{BenchmarkSettings, MeasureError, Result, WorkFolder, last_words};
 
 /// What lies in the folder for temporary files.
 pub(super) const BENIGN: &str = "benign";
@@ -61,14 +61,14 @@ pub struct Row {
 const MOST_PATIENCE: f64 = 50.0;
 
 pub fn measure(
-    means: &Means,
+    means: &BenchmarkSettings,
     case: &Case,
     sampling: Sampling,
-    place: &Place,
+    place: &WorkFolder,
     depth_asked: u32,
     say: &dyn Fn(String),
 ) -> Result<Row> {
-    let (mut benign, mut own): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
+    let (mut benign, mut own): (Vec<ProcessRun>, Vec<ProcessRun>) = (Vec::new(), Vec::new());
     let mut last = None;
     for round in 0..means.rounds.max(1) {
         say(format!("{}, {sampling:?}: round {} of {}", case.title, round + 1, means.rounds));
@@ -83,8 +83,8 @@ pub fn measure(
             break;
         }
     }
-    let median = |runs: &[Run], of: fn(&Run) -> f64| spread(runs.iter().map(of)).median;
-    let times = |of: fn(&Run) -> f64| median(&own, of) / median(&benign, of);
+    let median = |runs: &[ProcessRun], of: fn(&ProcessRun) -> f64| spread(runs.iter().map(of)).median;
+    let times = |of: fn(&ProcessRun) -> f64| median(&own, of) / median(&benign, of);
     let mut row = Row {
         scene: case.title.clone(),
         points: case.recipe.points,
@@ -113,18 +113,18 @@ pub fn measure(
 }
 
 fn convert(
-    means: &Means,
+    means: &BenchmarkSettings,
     sampling: Sampling,
     cloud: &str,
-    place: &Place,
+    place: &WorkFolder,
     patience: Duration,
-) -> Result<Ended> {
+) -> Result<ProcessEnd> {
     let (cloud, octree, words) = (place.at(cloud), place.at(OCTREE), place.at(WORDS));
     means.convert(&["-m", sampling.name()], &cloud, &octree, &words, patience)
 }
 
 /// In a word, or in those that the program had for it.
-fn outcome(ended: Ended, words: &Path) -> String {
+fn outcome(ended: ProcessEnd, words: &Path) -> String {
     match ended.status.code() {
         Some(0 | 3) => "done".to_string(),
         _ if ended.late => format!("not done after {:.0} s", ended.run.wall),
@@ -134,7 +134,7 @@ fn outcome(ended: Ended, words: &Path) -> String {
 
 impl Row {
     /// Fills in what the octree and its verification tell.
-    fn look(&mut self, means: &Means, place: &Place) -> Result<()> {
+    fn look(&mut self, means: &BenchmarkSettings, place: &WorkFolder) -> Result<()> {
         let octree = place.at(OCTREE);
         let metadata = Metadata::read(&octree)?;
         let path = octree.join(potree::HIERARCHY);

@@ -16,15 +16,15 @@ mod shapes;
 mod source;
 mod street;
 
-pub use point::{Lattice, Point};
-pub use scene::{Recipe, Scene, SceneError, Tile};
+pub use point::{FileLattice, Point};
+pub use scene::{Recipe, SceneError, SceneFile, SyntheticScene};
 
 use serde::{Deserialize, Serialize};
 
 /// The scenes, by the name of what they try out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum SceneKind {
     /// Aerial flight strips over hills, houses, trees and roads.
     Terrain,
     /// Aerial, with a dense street-level scan in its middle.
@@ -51,37 +51,37 @@ pub enum Kind {
     Far,
 }
 
-impl Kind {
-    pub const ALL: [Kind; 12] = [
-        Kind::Terrain,
-        Kind::Town,
-        Kind::Interior,
-        Kind::Object,
-        Kind::Volume,
-        Kind::Duplicates,
-        Kind::Outliers,
-        Kind::Flat,
-        Kind::Line,
-        Kind::Dot,
-        Kind::Strips,
-        Kind::Far,
+impl SceneKind {
+    pub const ALL: [SceneKind; 12] = [
+        SceneKind::Terrain,
+        SceneKind::Town,
+        SceneKind::Interior,
+        SceneKind::Object,
+        SceneKind::Volume,
+        SceneKind::Duplicates,
+        SceneKind::Outliers,
+        SceneKind::Flat,
+        SceneKind::Line,
+        SceneKind::Dot,
+        SceneKind::Strips,
+        SceneKind::Far,
     ];
 
     /// What users call it.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Terrain => "terrain",
-            Kind::Town => "town",
-            Kind::Interior => "interior",
-            Kind::Object => "object",
-            Kind::Volume => "volume",
-            Kind::Duplicates => "duplicates",
-            Kind::Outliers => "outliers",
-            Kind::Flat => "flat",
-            Kind::Line => "line",
-            Kind::Dot => "dot",
-            Kind::Strips => "strips",
-            Kind::Far => "far",
+            SceneKind::Terrain => "terrain",
+            SceneKind::Town => "town",
+            SceneKind::Interior => "interior",
+            SceneKind::Object => "object",
+            SceneKind::Volume => "volume",
+            SceneKind::Duplicates => "duplicates",
+            SceneKind::Outliers => "outliers",
+            SceneKind::Flat => "flat",
+            SceneKind::Line => "line",
+            SceneKind::Dot => "dot",
+            SceneKind::Strips => "strips",
+            SceneKind::Far => "far",
         }
     }
 }

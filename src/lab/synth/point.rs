@@ -5,14 +5,14 @@ use super::noise::round;
 
 /// Scale and offset of a file: world = stored × scale + offset, in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lattice {
+pub struct FileLattice {
     pub scale: [f64; 3],
     pub offset: [f64; 3],
 }
 
-impl Lattice {
-    pub fn uniform(scale: f64, offset: [f64; 3]) -> Lattice {
-        Lattice { scale: [scale; 3], offset }
+impl FileLattice {
+    pub fn uniform(scale: f64, offset: [f64; 3]) -> FileLattice {
+        FileLattice { scale: [scale; 3], offset }
     }
 }
 

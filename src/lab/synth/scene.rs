@@ -3,21 +3,21 @@
 
 use std::ops::Range;
 
-use super::Kind;
+use super::SceneKind;
 use super::aerial::{Flight, side_for};
 use super::interior::Building;
 use super::land::{Land, PARCEL};
 use super::noise::{hash, unit};
-use super::point::{Lattice, Point};
+use super::point::{FileLattice, Point};
 use super::scan::Tripod;
 use super::shapes::Shape;
-use super::source::Source;
+use super::source::PointSource;
 use crate::format::las::record_length;
 
 /// What a scene is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Recipe {
-    pub kind: Kind,
+    pub kind: SceneKind,
     pub points: u64,
     pub seed: u64,
     /// Share of the points of `duplicates` that lie at one position.
@@ -33,7 +33,7 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    pub fn new(kind: Kind, points: u64, seed: u64) -> Recipe {
+    pub fn new(kind: SceneKind, points: u64, seed: u64) -> Recipe {
         Recipe { kind, points, seed, share: 0.2, twins: false, teapot: false, span: 0.0 }
     }
 }
@@ -52,27 +52,27 @@ pub enum SceneError {
 
 /// One file of a scene. Most scenes have one; `strips` has several.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tile {
+pub struct SceneFile {
     pub name: String,
     /// The points that lie in it, counted through the scene.
     pub points: Range<u64>,
-    pub lattice: Lattice,
+    pub lattice: FileLattice,
 }
 
 /// What one generator gives, in one file's lattice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Part {
+struct ScenePart {
     first: u64,
     points: u64,
-    source: Source,
+    source: PointSource,
     tile: usize,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
+pub struct SyntheticScene {
     recipe: Recipe,
-    parts: Vec<Part>,
-    tiles: Vec<Tile>,
+    parts: Vec<ScenePart>,
+    tiles: Vec<SceneFile>,
     /// The scene's origin in the world, metres.
     origin: [f64; 3],
 }
@@ -92,8 +92,8 @@ const MOST_SPAN: f64 = 20_000.0;
 const CROWD: u64 = 0xd0;
 const STRAY: u64 = 0xd1;
 
-impl Scene {
-    pub fn new(recipe: Recipe) -> Result<Scene, SceneError> {
+impl SyntheticScene {
+    pub fn new(recipe: Recipe) -> Result<SyntheticScene, SceneError> {
         if recipe.points == 0 {
             return Err(SceneError::Empty);
         }
@@ -103,30 +103,32 @@ impl Scene {
         if recipe.span != 0.0 && !(1.0..=MOST_SPAN).contains(&recipe.span) {
             return Err(SceneError::Span(recipe.span));
         }
-        let mut scene = Scene { recipe, parts: Vec::new(), tiles: Vec::new(), origin: [0.0; 3] };
+        let mut scene = SyntheticScene { recipe, parts: Vec::new(), tiles: Vec::new(), origin: [0.0; 3] };
         let Recipe { kind, points, seed, .. } = recipe;
         match kind {
-            Kind::Terrain | Kind::Duplicates => {
+            SceneKind::Terrain | SceneKind::Duplicates => {
                 scene.aerial(0.01, Land::new(seed, 0.0), side_for(points, AERIAL))
             }
-            Kind::Outliers => scene.aerial(0.01, Land::new(seed, 0.0), 400.0),
-            Kind::Town if recipe.teapot => scene.teapot(),
-            Kind::Town => scene.town(),
-            Kind::Strips => scene.strips(),
-            Kind::Far => scene.far(),
-            Kind::Interior => scene.interior(),
-            Kind::Object => {
+            SceneKind::Outliers => scene.aerial(0.01, Land::new(seed, 0.0), 400.0),
+            SceneKind::Town if recipe.teapot => scene.teapot(),
+            SceneKind::Town => scene.town(),
+            SceneKind::Strips => scene.strips(),
+            SceneKind::Far => scene.far(),
+            SceneKind::Interior => scene.interior(),
+            SceneKind::Object => {
                 // Beyond this the surface would run out of lattice positions.
                 let radius = (points as f64 / 2e8).sqrt().max(1.0);
                 scene.shape(0.0001, Shape::Object { radius });
             }
-            Kind::Volume => {
+            SceneKind::Volume => {
                 let count = (1..).find(|n: &u64| n.pow(3) >= points).unwrap_or(1);
                 scene.shape(0.001, Shape::Volume { count, step: 0.05 });
             }
-            Kind::Flat => scene.shape(0.001, Shape::Flat { side: (points as f64).sqrt() * 0.05 }),
-            Kind::Line => scene.shape(0.001, Shape::Line { length: (points as f64 * 0.01).clamp(1.0, 1e6) }),
-            Kind::Dot => scene.shape(0.001, Shape::Dot),
+            SceneKind::Flat => scene.shape(0.001, Shape::Flat { side: (points as f64).sqrt() * 0.05 }),
+            SceneKind::Line => {
+                scene.shape(0.001, Shape::Line { length: (points as f64 * 0.01).clamp(1.0, 1e6) })
+            }
+            SceneKind::Dot => scene.shape(0.001, Shape::Dot),
         }
         Ok(scene)
     }
@@ -137,7 +139,7 @@ impl Scene {
     }
 
     /// The files of the scene.
-    pub fn tiles(&self) -> &[Tile] {
+    pub fn tiles(&self) -> &[SceneFile] {
         &self.tiles
     }
 
@@ -156,7 +158,7 @@ impl Scene {
         let mut block = Vec::new();
         let start = self.parts.partition_point(|part| part.first + part.points <= first);
         for part in self.parts[start..].iter().take_while(|part| part.first < wanted.end) {
-            let Tile { lattice, .. } = self.tiles[part.tile];
+            let SceneFile { lattice, .. } = self.tiles[part.tile];
             let shift = [0, 1, 2].map(|axis| lattice.offset[axis] - self.origin[axis]);
             let inside = wanted.start.max(part.first)..wanted.end.min(part.first + part.points);
             let step = part.source.block_length();
@@ -178,20 +180,20 @@ impl Scene {
     /// outliers.
     fn change(&self, at: u64, block: &mut [Point]) {
         match self.recipe.kind {
-            Kind::Duplicates if self.recipe.twins => {
+            SceneKind::Duplicates if self.recipe.twins => {
                 // Blocks are even and begin at even numbers: pairs stay whole.
                 for pair in block.chunks_exact_mut(2) {
                     pair[1].place = pair[0].place;
                 }
             }
-            Kind::Duplicates => {
+            SceneKind::Duplicates => {
                 for (index, point) in (at..).zip(block) {
                     if unit(hash(self.recipe.seed, index as i64, CROWD as i64)) < self.recipe.share {
                         point.place = [1.25, -0.75, 3.5];
                     }
                 }
             }
-            Kind::Outliers => {
+            SceneKind::Outliers => {
                 for (index, point) in (at..).zip(block) {
                     if let Some(place) = self.stray(index) {
                         point.place = place;
@@ -218,31 +220,31 @@ impl Scene {
         })
     }
 
-    fn tile(&mut self, name: &str, lattice: Lattice) {
+    fn tile(&mut self, name: &str, lattice: FileLattice) {
         let at = self.parts.last().map_or(0, |part| part.first + part.points);
-        self.tiles.push(Tile { name: name.to_string(), points: at..at, lattice });
+        self.tiles.push(SceneFile { name: name.to_string(), points: at..at, lattice });
     }
 
     /// Adds a part behind the last, to the last tile.
-    fn part(&mut self, points: u64, source: Source) {
+    fn part(&mut self, points: u64, source: PointSource) {
         let tile = self.tiles.len() - 1;
         let first = self.tiles[tile].points.end;
         self.tiles[tile].points.end = first + points;
         if points > 0 {
-            self.parts.push(Part { first, points, source, tile });
+            self.parts.push(ScenePart { first, points, source, tile });
         }
     }
 
     fn shape(&mut self, scale: f64, shape: Shape) {
-        self.tile("shape", Lattice::uniform(scale, [0.0; 3]));
-        self.part(self.recipe.points, Source::Shape { shape, seed: self.recipe.seed });
+        self.tile("shape", FileLattice::uniform(scale, [0.0; 3]));
+        self.part(self.recipe.points, PointSource::Shape { shape, seed: self.recipe.seed });
     }
 
     fn aerial(&mut self, scale: f64, land: Land, side: f64) {
         self.origin = UTM;
-        self.tile("flight", Lattice::uniform(scale, UTM));
+        self.tile("flight", FileLattice::uniform(scale, UTM));
         let flight = Flight::new(land, self.recipe.seed, [0.0; 2], side, self.recipe.points, 1);
-        self.part(self.recipe.points, Source::Aerial { flight, first_line: 0 });
+        self.part(self.recipe.points, PointSource::Aerial { flight, first_line: 0 });
     }
 
     /// Half of the points from the air, half from the square in the middle.
@@ -251,18 +253,18 @@ impl Scene {
         const VIEW: [f64; 2] = [-0.16, 0.11];
         let Recipe { points, seed, .. } = self.recipe;
         self.origin = UTM;
-        self.tile("town", Lattice::uniform(0.001, UTM));
+        self.tile("town", FileLattice::uniform(0.001, UTM));
         let land = Land::new(seed, 140.0);
         let aerial = points - points / 2;
         let flight = Flight::new(land, seed, [0.0; 2], side_for(aerial, AERIAL), aerial, 1);
-        self.part(aerial, Source::Aerial { flight, first_line: 0 });
+        self.part(aerial, PointSource::Aerial { flight, first_line: 0 });
         for number in 0..SCANS {
             let share = points / 2 * (number + 1) / SCANS - points / 2 * number / SCANS;
             let (columns, rows) = Tripod::raster(share, VIEW);
             // Along the street that runs through the origin.
             let eye = [0.4, (number as f64 - 2.5) * 9.0, 1.8];
             let tripod = Tripod { seed, number, eye, columns, rows, view: VIEW };
-            self.part(share, Source::Street { tripod, land });
+            self.part(share, PointSource::Street { tripod, land });
         }
     }
 
@@ -273,11 +275,11 @@ impl Scene {
         let Recipe { points, seed, .. } = self.recipe;
         self.origin = UTM;
         // As fine as 32 bits allow: the stone has a few thousand units.
-        self.tile("town", Lattice::uniform(0.000_002_5, UTM));
+        self.tile("town", FileLattice::uniform(0.000_002_5, UTM));
         let aerial = points - points / 2;
         let flight = Flight::new(Land::new(seed, 140.0), seed, [0.0; 2], SIDE, aerial, 1);
-        self.part(aerial, Source::Aerial { flight, first_line: 0 });
-        self.part(points / 2, Source::Shape { shape: Shape::Object { radius: RADIUS }, seed });
+        self.part(aerial, PointSource::Aerial { flight, first_line: 0 });
+        self.part(points / 2, PointSource::Shape { shape: Shape::Object { radius: RADIUS }, seed });
     }
 
     fn interior(&mut self) {
@@ -285,7 +287,7 @@ impl Scene {
         const A_SCAN: u64 = 2_000_000;
         let Recipe { points, seed, .. } = self.recipe;
         let rooms = (3..40).find(|n: &u64| n * n * A_SCAN >= points).unwrap_or(40);
-        self.tile("interior", Lattice::uniform(0.001, [0.0; 3]));
+        self.tile("interior", FileLattice::uniform(0.001, [0.0; 3]));
         let building = Building { seed, rooms: rooms as i64 };
         let scans = rooms * rooms;
         for number in 0..scans {
@@ -293,7 +295,7 @@ impl Scene {
             let to = (u128::from(points) * u128::from(number + 1) / u128::from(scans)) as u64;
             let (columns, rows) = Tripod::raster(to - from, VIEW);
             let tripod = Tripod { seed, number, eye: building.eye(number), columns, rows, view: VIEW };
-            self.part(to - from, Source::Interior { tripod, building });
+            self.part(to - from, PointSource::Interior { tripod, building });
         }
     }
 
@@ -301,10 +303,10 @@ impl Scene {
     /// half a millimetre with whole offsets.
     fn strips(&mut self) {
         let lattices = [
-            Lattice::uniform(0.01, UTM),
-            Lattice::uniform(0.001, [499_000.0, 5_399_000.0, 0.0]),
-            Lattice { scale: [0.005, 0.005, 0.001], offset: [500_100.005, 5_400_000.01, 400.0] },
-            Lattice { scale: [0.0005; 3], offset: [0.0, 5_000_000.0, 100.0] },
+            FileLattice::uniform(0.01, UTM),
+            FileLattice::uniform(0.001, [499_000.0, 5_399_000.0, 0.0]),
+            FileLattice { scale: [0.005, 0.005, 0.001], offset: [500_100.005, 5_400_000.01, 400.0] },
+            FileLattice { scale: [0.0005; 3], offset: [0.0, 5_000_000.0, 100.0] },
         ];
         let Recipe { points, seed, .. } = self.recipe;
         self.origin = UTM;
@@ -314,7 +316,7 @@ impl Scene {
             let count = points.saturating_sub(strip * a_strip).min(a_strip);
             if count > 0 {
                 self.tile(&format!("strip-{:03}", strip + 1), lattices[(strip % 4) as usize]);
-                self.part(count, Source::Aerial { flight, first_line: strip * flight.lines });
+                self.part(count, PointSource::Aerial { flight, first_line: strip * flight.lines });
             }
         }
     }
@@ -325,7 +327,7 @@ impl Scene {
         const SIDE: u64 = 4;
         let Recipe { points, seed, .. } = self.recipe;
         self.origin = UTM;
-        self.tile("far", Lattice::uniform(0.0001, UTM));
+        self.tile("far", FileLattice::uniform(0.0001, UTM));
         let a_flight = points.div_ceil(SIDE * SIDE);
         let side = side_for(a_flight, AERIAL).min(PARCEL * 2000.0);
         // Strips overlap by an eighth of a side at most, and lines lean.
@@ -335,7 +337,7 @@ impl Scene {
             let step = |n: u64| (n as f64 / (SIDE - 1) as f64 * 2.0 - 1.0) * inner;
             let centre = [step(number % SIDE), step(number / SIDE)];
             let flight = Flight::new(Land::new(seed, 0.0), seed ^ number, centre, side, a_flight, 1);
-            self.part(share, Source::Aerial { flight, first_line: 0 });
+            self.part(share, PointSource::Aerial { flight, first_line: 0 });
         }
     }
 }

@@ -10,7 +10,7 @@ use super::shapes::Shape;
 use super::street;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Source {
+pub enum PointSource {
     /// Scan lines of a flight, from the given one on.
     Aerial { flight: Flight, first_line: u64 },
     /// Columns of a scanner in the village.
@@ -21,27 +21,27 @@ pub enum Source {
     Shape { shape: Shape, seed: u64 },
 }
 
-impl Source {
+impl PointSource {
     /// Points a block.
     pub fn block_length(&self) -> u64 {
         match self {
-            Source::Aerial { flight, .. } => flight.slots,
-            Source::Street { tripod, .. } | Source::Interior { tripod, .. } => tripod.rows,
-            Source::Shape { .. } => 256,
+            PointSource::Aerial { flight, .. } => flight.slots,
+            PointSource::Street { tripod, .. } | PointSource::Interior { tripod, .. } => tripod.rows,
+            PointSource::Shape { .. } => 256,
         }
     }
 
     /// Appends the points of a block.
     pub fn block(&self, number: u64, out: &mut Vec<Point>) {
         match self {
-            Source::Aerial { flight, first_line } => flight.line(first_line + number, out),
-            Source::Street { tripod, land } => {
+            PointSource::Aerial { flight, first_line } => flight.line(first_line + number, out),
+            PointSource::Street { tripod, land } => {
                 tripod.column(number, |eye, way| street::cast(land, eye, way), out);
             }
-            Source::Interior { tripod, building } => {
+            PointSource::Interior { tripod, building } => {
                 tripod.column(number, |eye, way| building.cast(eye, way), out);
             }
-            Source::Shape { shape, seed } => {
+            PointSource::Shape { shape, seed } => {
                 let first = number * self.block_length();
                 out.extend((first..first + self.block_length()).map(|index| shape.point(*seed, index)));
             }

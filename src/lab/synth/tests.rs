@@ -7,8 +7,8 @@ fn record_length(format: u8) -> usize {
     las::record_length(format).unwrap()
 }
 
-fn scene(kind: Kind, points: u64) -> Scene {
-    Scene::new(Recipe::new(kind, points, 1)).unwrap()
+fn scene(kind: SceneKind, points: u64) -> SyntheticScene {
+    SyntheticScene::new(Recipe::new(kind, points, 1)).unwrap()
 }
 
 /// The stored coordinates of records.
@@ -30,7 +30,7 @@ fn extent(positions: &[[i32; 3]]) -> [i64; 3] {
 #[test]
 fn the_same_seed_gives_the_same_bytes_everywhere() {
     let mut found = String::new();
-    for kind in Kind::ALL {
+    for kind in SceneKind::ALL {
         let records = scene(kind, 10_000).slice(0, 10_000, 7).unwrap();
         assert_eq!(records.len(), 10_000 * 36, "{kind:?}");
         found += &format!("{kind:?} {}\n", &blake3::hash(&records).to_hex()[..16]);
@@ -55,10 +55,10 @@ Far ae5f02336fa1af68
 
 #[test]
 fn slices_do_not_depend_on_where_they_are_cut() {
-    for kind in Kind::ALL {
+    for kind in SceneKind::ALL {
         for twins in [false, true] {
             let recipe = Recipe { twins, ..Recipe::new(kind, 30_011, 3) };
-            let scene = Scene::new(recipe).unwrap();
+            let scene = SyntheticScene::new(recipe).unwrap();
             let whole = scene.slice(0, u64::MAX, 6).unwrap();
             let mut pieces = Vec::new();
             let (mut first, mut step) = (0, 1);
@@ -76,16 +76,17 @@ fn slices_do_not_depend_on_where_they_are_cut() {
 
 #[test]
 fn seeds_and_sizes_make_other_clouds() {
-    for kind in Kind::ALL {
-        let of =
-            |points, seed| Scene::new(Recipe::new(kind, points, seed)).unwrap().slice(0, 500, 7).unwrap();
+    for kind in SceneKind::ALL {
+        let of = |points, seed| {
+            SyntheticScene::new(Recipe::new(kind, points, seed)).unwrap().slice(0, 500, 7).unwrap()
+        };
         assert!(of(1000, 1) != of(1000, 2), "{kind:?} ignores its seed");
     }
 }
 
 #[test]
 fn any_number_of_points_can_be_had() {
-    for kind in Kind::ALL {
+    for kind in SceneKind::ALL {
         for points in [1, 2, 3, 7, 100, 1000, 123_457] {
             let scene = scene(kind, points);
             let records = scene.slice(0, points, 0).unwrap();
@@ -98,8 +99,8 @@ fn any_number_of_points_can_be_had() {
         let records = scene(kind, 3_000_000_000).slice(2_999_999_990, 100, 10).unwrap();
         assert_eq!(records.len(), 10 * 67, "{kind:?}");
     }
-    assert!(Scene::new(Recipe::new(Kind::Dot, 0, 1)).is_err());
-    assert!(scene(Kind::Dot, 1).slice(0, 1, 11).is_err());
+    assert!(SyntheticScene::new(Recipe::new(SceneKind::Dot, 0, 1)).is_err());
+    assert!(scene(SceneKind::Dot, 1).slice(0, 1, 11).is_err());
 }
 
 #[test]
@@ -108,36 +109,36 @@ fn scenes_have_the_extent_they_are_named_for() {
         let scene = scene(kind, points);
         extent(&positions(&scene.slice(0, points, 0).unwrap(), 0))
     };
-    assert_eq!(extent_of(Kind::Dot, 5000), [0, 0, 0]);
-    let line = extent_of(Kind::Line, 5000);
+    assert_eq!(extent_of(SceneKind::Dot, 5000), [0, 0, 0]);
+    let line = extent_of(SceneKind::Line, 5000);
     assert!(line[0] > 40_000 && line[1..] == [0, 0], "{line:?}");
-    let flat = extent_of(Kind::Flat, 5000);
+    let flat = extent_of(SceneKind::Flat, 5000);
     assert!(flat[0] > 3000 && flat[1] > 3000 && flat[2] == 0, "{flat:?}");
-    assert_eq!(extent_of(Kind::Volume, 8000), [950, 950, 950]);
-    let far = extent_of(Kind::Far, 20_000);
+    assert_eq!(extent_of(SceneKind::Volume, 8000), [950, 950, 950]);
+    let far = extent_of(SceneKind::Far, 20_000);
     assert!(far[0] > 4_294_000_000 && far[1] > 4_294_000_000, "{far:?}");
-    let outliers = extent_of(Kind::Outliers, 20_000);
+    let outliers = extent_of(SceneKind::Outliers, 20_000);
     assert!(outliers[0] > 40_000_000, "{outliers:?}");
     // 8 points a square metre: 250 000 points on 2 hectares and a half.
-    let terrain = extent_of(Kind::Terrain, 250_000);
+    let terrain = extent_of(SceneKind::Terrain, 250_000);
     assert!((14_000..22_000).contains(&terrain[0]), "{terrain:?}");
     assert!((14_000..22_000).contains(&terrain[1]), "{terrain:?}");
 }
 
 #[test]
 fn outliers_are_six_and_duplicates_as_many_as_asked() {
-    let outliers = positions(&scene(Kind::Outliers, 50_000).slice(0, 50_000, 0).unwrap(), 0);
+    let outliers = positions(&scene(SceneKind::Outliers, 50_000).slice(0, 50_000, 0).unwrap(), 0);
     let away = outliers.iter().filter(|p| p[0].abs() > 1_000_000 || p[1].abs() > 1_000_000);
     assert_eq!(away.count(), 6);
 
     let distinct = |recipe: Recipe| {
-        let records = Scene::new(recipe).unwrap().slice(0, u64::MAX, 0).unwrap();
+        let records = SyntheticScene::new(recipe).unwrap().slice(0, u64::MAX, 0).unwrap();
         let mut positions = positions(&records, 0);
         positions.sort_unstable();
         positions.dedup();
         positions.len() as f64 / recipe.points as f64
     };
-    let crowd = Recipe::new(Kind::Duplicates, 50_000, 1);
+    let crowd = Recipe::new(SceneKind::Duplicates, 50_000, 1);
     let plain = distinct(Recipe { share: 0.0, ..crowd });
     assert!((distinct(Recipe { share: 0.6, ..crowd }) - plain * 0.4).abs() < 0.02);
     let twins = distinct(Recipe { twins: true, ..crowd });
@@ -146,7 +147,7 @@ fn outliers_are_six_and_duplicates_as_many_as_asked() {
 
 #[test]
 fn terrain_looks_like_an_aerial_survey() {
-    let scene = scene(Kind::Terrain, 2_000_000);
+    let scene = scene(SceneKind::Terrain, 2_000_000);
     let records = scene.slice(0, 2_000_000, 7).unwrap();
     let (mut classes, mut returns, mut strips) = ([0u32; 256], [0u32; 16], [0u32; 16]);
     let mut time = 0.0;
@@ -172,7 +173,7 @@ fn terrain_looks_like_an_aerial_survey() {
 
 #[test]
 fn a_town_is_far_denser_in_its_middle() {
-    let scene = scene(Kind::Town, 400_000);
+    let scene = scene(SceneKind::Town, 400_000);
     let positions = positions(&scene.slice(0, 400_000, 7).unwrap(), 7);
     let within = |metres: i64| {
         positions.iter().filter(|p| i64::from(p[0].abs().max(p[1].abs())) < metres * 1000).count()
@@ -182,8 +183,8 @@ fn a_town_is_far_denser_in_its_middle() {
 
 #[test]
 fn half_of_a_town_can_be_a_teapot() {
-    let recipe = Recipe { teapot: true, ..Recipe::new(Kind::Town, 40_000, 1) };
-    let places = positions(&Scene::new(recipe).unwrap().slice(0, u64::MAX, 0).unwrap(), 0);
+    let recipe = Recipe { teapot: true, ..Recipe::new(SceneKind::Town, 40_000, 1) };
+    let places = positions(&SyntheticScene::new(recipe).unwrap().slice(0, u64::MAX, 0).unwrap(), 0);
     let [x, y, _] = extent(&places);
     // 10 km in units of 2.5 µm, nearly all that 32 bits hold.
     assert!((3_900_000_000..4_294_000_000).contains(&x), "{x}");
@@ -194,7 +195,7 @@ fn half_of_a_town_can_be_a_teapot() {
 
 #[test]
 fn strips_agree_on_one_fine_lattice() {
-    let scene = scene(Kind::Strips, 40_000);
+    let scene = scene(SceneKind::Strips, 40_000);
     assert_eq!(scene.tiles().len(), 4);
     let lattices: Vec<_> = scene.tiles().iter().map(|tile| tile.lattice).collect();
     for (i, a) in lattices.iter().enumerate() {
@@ -207,7 +208,7 @@ fn strips_agree_on_one_fine_lattice() {
         }
     }
     // Neighbouring tiles lie beside each other in the world.
-    let middle = |tile: &Tile| {
+    let middle = |tile: &SceneFile| {
         let count = tile.points.end - tile.points.start;
         let positions = positions(&scene.slice(tile.points.start, count, 0).unwrap(), 0);
         let sum: f64 = positions.iter().map(|p| f64::from(p[0])).sum();
@@ -220,8 +221,8 @@ fn strips_agree_on_one_fine_lattice() {
 #[test]
 fn outliers_span_the_box_that_was_asked_for() {
     for span in [780.0, 5.0] {
-        let recipe = Recipe { span, ..Recipe::new(Kind::Outliers, 30_000, 1) };
-        let all = positions(&Scene::new(recipe).unwrap().slice(0, 30_000, 0).unwrap(), 0);
+        let recipe = Recipe { span, ..Recipe::new(SceneKind::Outliers, 30_000, 1) };
+        let all = positions(&SyntheticScene::new(recipe).unwrap().slice(0, 30_000, 0).unwrap(), 0);
         let side = |axis: usize| {
             let along = all.iter().map(|p| i64::from(p[axis]));
             along.clone().max().unwrap() - along.min().unwrap()
@@ -230,6 +231,6 @@ fn outliers_span_the_box_that_was_asked_for() {
         assert!(side(1) <= side(0));
     }
     for span in [0.5, -1.0, f64::NAN, 1e9] {
-        assert!(Scene::new(Recipe { span, ..Recipe::new(Kind::Outliers, 100, 1) }).is_err());
+        assert!(SyntheticScene::new(Recipe { span, ..Recipe::new(SceneKind::Outliers, 100, 1) }).is_err());
     }
 }

@@ -4,8 +4,8 @@
 //! wider spaced, but the grid shows.
 
 use super::one_per_cell::take_lowest;
-use super::sampler::{Item, Sampler};
-use crate::octree::cube::Frame;
+use super::sampler::{IndexedPoint, Sampler};
+use crate::octree::cube::NodeCube;
 use crate::octree::node::NodeKey;
 
 #[derive(Default)]
@@ -20,7 +20,7 @@ fn distance(at: [u32; 3], shift: u32) -> u64 {
 }
 
 impl Sampler for NearestToCentre {
-    fn sample(&mut self, _: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
+    fn sample(&mut self, _: NodeKey, frame: NodeCube, candidates: &[&[IndexedPoint]], taken: &mut Vec<bool>) {
         let shift = frame.spacing_shift();
         take_lowest(frame, candidates, taken, |at| distance(at, shift));
     }
@@ -35,9 +35,10 @@ mod tests {
         // Cells of 8 units: corners, faces, and just beside the middle (4, 4, 4).
         let cell = [[0, 0, 0], [4, 4, 0], [3, 4, 4], [7, 7, 7], [5, 2, 6]];
         let at = |first: u32| cell.iter().map(move |[x, y, z]| [x + first, *y, *z]);
-        let items: Vec<Item> = at(0).chain(at(8)).zip(0..).map(|(at, index)| Item { at, index }).collect();
+        let items: Vec<IndexedPoint> =
+            at(0).chain(at(8)).zip(0..).map(|(at, index)| IndexedPoint { at, index }).collect();
         let mut taken = Vec::new();
-        let frame = Frame { origin: [0; 3], side_bits: 10 };
+        let frame = NodeCube { origin: [0; 3], side_bits: 10 };
         NearestToCentre.sample(NodeKey::ROOT, frame, &[&items], &mut taken);
         let chosen: Vec<u32> =
             items.iter().zip(taken).filter(|(_, t)| *t).map(|(item, _)| item.index).collect();

@@ -1,7 +1,7 @@
 //! One point a cell of the node's 128³ grid: what the samplers in a grid share.
 
-use super::sampler::Item;
-use crate::octree::cube::Frame;
+use super::sampler::IndexedPoint;
+use crate::octree::cube::NodeCube;
 
 /// Takes of each cell the candidate of the lowest rank, the first of them where
 /// several have it.
@@ -9,8 +9,8 @@ use crate::octree::cube::Frame;
 /// Candidates come in Morton order, so those of a cell come one behind the
 /// other: a single pass that remembers one cell, and no grid.
 pub fn take_lowest(
-    frame: Frame,
-    candidates: &[&[Item]],
+    frame: NodeCube,
+    candidates: &[&[IndexedPoint]],
     taken: &mut Vec<bool>,
     rank: impl Fn([u32; 3]) -> u64,
 ) {
@@ -52,11 +52,11 @@ mod tests {
             points in proptest::collection::vec((0u32..1024, 0u32..40, 0u32..512), 1..500), ranks in 1u64..40,
         ) {
             let rank = |at: [u32; 3]| (u64::from(at[0]) * 7 + u64::from(at[1]) * 13 + u64::from(at[2])) % ranks;
-            let items = points.iter().zip(0..).map(|((x, y, z), index)| Item { at: [*x, *y, *z], index });
-            let (mut left, mut right): (Vec<Item>, Vec<Item>) = items.partition(|item| item.at[0] < 512);
+            let items = points.iter().zip(0..).map(|((x, y, z), index)| IndexedPoint { at: [*x, *y, *z], index });
+            let (mut left, mut right): (Vec<IndexedPoint>, Vec<IndexedPoint>) = items.partition(|item| item.at[0] < 512);
             for (x, items) in [(0, &mut left), (512, &mut right)] {
                 let mut spare = items.clone();
-                node_order::sort(Frame { origin: [x, 0, 0], side_bits: 9 }, items, &mut spare);
+                node_order::sort(NodeCube { origin: [x, 0, 0], side_bits: 9 }, items, &mut spare);
             }
             let items = [left.as_slice(), &right].concat();
             let mut best: HashMap<[u32; 3], (u64, usize)> = HashMap::new();
@@ -66,7 +66,7 @@ mod tests {
                 *entry = own.min(*entry);
             }
             let mut taken = Vec::new();
-            take_lowest(Frame { origin: [0; 3], side_bits: 10 }, &[&left, &right], &mut taken, rank);
+            take_lowest(NodeCube { origin: [0; 3], side_bits: 10 }, &[&left, &right], &mut taken, rank);
             for (place, item) in items.iter().enumerate() {
                 prop_assert_eq!(best[&item.at.map(|c| c >> 3)].1 == place, taken[place]);
             }

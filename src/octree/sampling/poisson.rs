@@ -15,8 +15,8 @@
 
 use std::collections::HashMap;
 
-use super::sampler::{Item, Rim, Sampler};
-use crate::octree::cube::{Frame, SPACING_BITS};
+use super::sampler::{BorderSamples, IndexedPoint, Sampler};
+use crate::octree::cube::{NodeCube, SPACING_BITS};
 use crate::octree::node::NodeKey;
 
 /// Cells on an axis: the node's own and one layer of its neighbours' on each
@@ -60,7 +60,7 @@ struct Sample {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Candidate {
+struct PoissonCandidate {
     at: Local,
     ordinal: u32,
 }
@@ -73,7 +73,7 @@ pub struct PoissonDisk {
     /// Per cell the newest sample; valid where the bit is set.
     heads: Vec<u32>,
     samples: Vec<Sample>,
-    visit: Vec<Candidate>,
+    visit: Vec<PoissonCandidate>,
     shells: Vec<u16>,
     halo: HashMap<NodeKey, Vec<[u32; 3]>>,
 }
@@ -103,7 +103,7 @@ impl PoissonDisk {
 
 /// A node's spacing in tree units and how coordinates become cells.
 #[derive(Clone, Copy)]
-struct Spacing {
+struct NodeSpacing {
     /// Cells are 2^shift tree units wide, at least as wide as the spacing.
     shift: u32,
     /// The distance that samples keep, and its square.
@@ -111,16 +111,16 @@ struct Spacing {
     squared: i64,
 }
 
-impl Spacing {
+impl NodeSpacing {
     /// Below a unit the spacing only forbids two points at one position.
-    fn of(frame: Frame, slack: u32) -> Spacing {
+    fn of(frame: NodeCube, slack: u32) -> NodeSpacing {
         let spacing = frame.spacing_shift();
         let reach = (1 << spacing) + i64::from(slack);
         let mut shift = spacing;
         while 1 << shift < reach {
             shift += 1;
         }
-        Spacing { shift, reach, squared: reach * reach }
+        NodeSpacing { shift, reach, squared: reach * reach }
     }
 
     #[inline]
@@ -144,7 +144,7 @@ fn bit_of([x, y, z]: [usize; 3]) -> (usize, usize) {
 impl PoissonDisk {
     /// Whether a point keeps the spacing from all samples so far.
     #[inline]
-    fn is_free(&self, at: Local, cell: [usize; 3], spacing: Spacing) -> bool {
+    fn is_free(&self, at: Local, cell: [usize; 3], spacing: NodeSpacing) -> bool {
         let mut mask = self.neighbourhood(cell);
         // Look first where a sample is nearest.
         let own = head_of(cell);
@@ -164,7 +164,7 @@ impl PoissonDisk {
 
     /// Whether a point keeps the spacing from the samples of an occupied cell.
     #[inline]
-    fn cell_is_free(&self, cell: usize, at: Local, spacing: Spacing) -> bool {
+    fn cell_is_free(&self, cell: usize, at: Local, spacing: NodeSpacing) -> bool {
         let mut sample = self.heads[cell];
         while sample != END {
             let other = self.samples[sample as usize];
@@ -202,7 +202,7 @@ impl PoissonDisk {
         }
     }
 
-    fn clear(&mut self, spacing: Spacing) {
+    fn clear(&mut self, spacing: NodeSpacing) {
         for sample in self.samples.drain(..) {
             let cell = spacing.cell(sample.at);
             let (byte, _) = bit_of(cell);
@@ -215,7 +215,7 @@ impl PoissonDisk {
 
     /// Puts the candidates into `visit`, from the centre outward, in input
     /// order within a shell: one counting sort.
-    fn order_inside_out(&mut self, frame: Frame, candidates: &[&[Item]]) {
+    fn order_inside_out(&mut self, frame: NodeCube, candidates: &[&[IndexedPoint]]) {
         let centre = (1u64 << frame.side_bits) as f32 / 2.0;
         // The corner lies √3 half sides away.
         let per_shell = SHELLS as f32 / (centre * 1.733);
@@ -234,13 +234,13 @@ impl PoissonDisk {
         for start in &mut starts {
             before += std::mem::replace(start, before);
         }
-        self.visit.resize(self.shells.len(), Candidate::default());
+        self.visit.resize(self.shells.len(), PoissonCandidate::default());
         let mut ordinal = 0;
         for set in candidates {
             for (item, shell) in set.iter().zip(&self.shells[ordinal as usize..]) {
                 let slot = &mut starts[usize::from(*shell)];
                 self.visit[*slot as usize] =
-                    Candidate { at: frame.local(item.at).map(|c| c as i32), ordinal };
+                    PoissonCandidate { at: frame.local(item.at).map(|c| c as i32), ordinal };
                 *slot += 1;
                 ordinal += 1;
             }
@@ -249,7 +249,7 @@ impl PoissonDisk {
 
     /// Takes in the samples of neighbours sampled earlier that lie within the
     /// spacing of this node.
-    fn load_halo(&mut self, node: NodeKey, frame: Frame, spacing: Spacing) {
+    fn load_halo(&mut self, node: NodeKey, frame: NodeCube, spacing: NodeSpacing) {
         if self.halo.is_empty() {
             return;
         }
@@ -276,7 +276,7 @@ impl PoissonDisk {
     }
 
     /// Remembers the node's samples near its faces.
-    fn save_halo(&mut self, node: NodeKey, frame: Frame, spacing: Spacing, own_from: usize) {
+    fn save_halo(&mut self, node: NodeKey, frame: NodeCube, spacing: NodeSpacing, own_from: usize) {
         let side = 1i64 << frame.side_bits;
         let reach = spacing.reach;
         let near_face = |c: i32| i64::from(c) < reach || i64::from(c) >= side - reach;
@@ -314,17 +314,18 @@ fn squared_distance(a: Local, b: Local) -> i64 {
 }
 
 impl Sampler for PoissonDisk {
-    fn begin(&mut self, around: Vec<Rim>) {
+    fn begin(&mut self, around: Vec<BorderSamples>) {
         self.halo.clear();
         self.halo.extend(around.into_iter().map(|rim| (rim.node, rim.samples)));
     }
 
-    fn end(&mut self, root: NodeKey, frame: Frame) -> Vec<Rim> {
-        let mut rims: Vec<Rim> = self.halo.drain().map(|(node, samples)| Rim { node, samples }).collect();
+    fn end(&mut self, root: NodeKey, frame: NodeCube) -> Vec<BorderSamples> {
+        let mut rims: Vec<BorderSamples> =
+            self.halo.drain().map(|(node, samples)| BorderSamples { node, samples }).collect();
         rims.retain_mut(|rim| {
             let Some(below) = rim.node.level.checked_sub(root.level) else { return false };
-            let own = Frame { side_bits: frame.side_bits - u32::from(below), ..frame };
-            let reach = Spacing::of(own, self.slack).reach;
+            let own = NodeCube { side_bits: frame.side_bits - u32::from(below), ..frame };
+            let reach = NodeSpacing::of(own, self.slack).reach;
             let near = |c: u32| i64::from(c) < reach || i64::from(c) >= (1 << frame.side_bits) - reach;
             rim.samples.retain(|at| frame.local(*at).into_iter().any(near));
             rim.node.ancestor(root.level) == root && !rim.samples.is_empty()
@@ -334,8 +335,14 @@ impl Sampler for PoissonDisk {
         rims
     }
 
-    fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
-        let spacing = Spacing::of(frame, self.slack);
+    fn sample(
+        &mut self,
+        node: NodeKey,
+        frame: NodeCube,
+        candidates: &[&[IndexedPoint]],
+        taken: &mut Vec<bool>,
+    ) {
+        let spacing = NodeSpacing::of(frame, self.slack);
         self.load_halo(node, frame, spacing);
         let own_from = self.samples.len();
         self.order_inside_out(frame, candidates);
@@ -361,9 +368,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn sampled(sampler: &mut PoissonDisk, node: NodeKey, bits: u32, points: &[[u32; 3]]) -> Vec<[u32; 3]> {
-        let frame = Frame::of(bits, node);
-        let items: Vec<Item> =
-            points.iter().enumerate().map(|(i, at)| Item { at: *at, index: i as u32 }).collect();
+        let frame = NodeCube::of(bits, node);
+        let items: Vec<IndexedPoint> =
+            points.iter().enumerate().map(|(i, at)| IndexedPoint { at: *at, index: i as u32 }).collect();
         let mut taken = Vec::new();
         sampler.sample(node, frame, &[&items], &mut taken);
         items.iter().zip(taken).filter(|(_, t)| *t).map(|(i, _)| i.at).collect()

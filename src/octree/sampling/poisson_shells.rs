@@ -7,21 +7,21 @@
 //! A shell of a dense volume holds hundreds of thousands of samples: there this
 //! one's time grows by more than the points.
 
-use super::sampler::{Item, Sampler};
-use crate::octree::cube::Frame;
+use super::sampler::{IndexedPoint, Sampler};
+use crate::octree::cube::NodeCube;
 use crate::octree::node::NodeKey;
 
 #[derive(Default)]
 pub struct Shells {
     /// As [`super::poisson::PoissonDisk::with_slack`] has it.
     slack: u32,
-    visit: Vec<Candidate>,
-    samples: Vec<Candidate>,
+    visit: Vec<ShellCandidate>,
+    samples: Vec<ShellCandidate>,
 }
 
 /// A point seen from the node's centre, in tree units.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+struct ShellCandidate {
     at: [i64; 3],
     squared: u64,
     distance: f64,
@@ -35,7 +35,7 @@ impl Shells {
 }
 
 impl Sampler for Shells {
-    fn sample(&mut self, _: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
+    fn sample(&mut self, _: NodeKey, frame: NodeCube, candidates: &[&[IndexedPoint]], taken: &mut Vec<bool>) {
         let reach = (1u64 << frame.spacing_shift()) + u64::from(self.slack);
         let centre = (1i64 << frame.side_bits) / 2;
         self.visit.clear();
@@ -43,7 +43,7 @@ impl Sampler for Shells {
         self.visit.extend(items.zip(0..).map(|(item, ordinal)| {
             let at = frame.local(item.at).map(|c| i64::from(c) - centre);
             let squared = squared(at, [0; 3]);
-            Candidate { at, squared, distance: (squared as f64).sqrt(), ordinal }
+            ShellCandidate { at, squared, distance: (squared as f64).sqrt(), ordinal }
         }));
         self.visit.sort_unstable_by_key(|candidate| (candidate.squared, candidate.ordinal));
         taken.clear();
@@ -77,16 +77,16 @@ mod tests {
         fn shells_leave_nothing_out(
             points in proptest::collection::vec((0u32..1024, 0u32..1024, 0u32..40), 1..400), slack in 0u32..3,
         ) {
-            let items: Vec<Item> =
-                points.iter().zip(0..).map(|((x, y, z), index)| Item { at: [*x, *y, *z], index }).collect();
+            let items: Vec<IndexedPoint> =
+                points.iter().zip(0..).map(|((x, y, z), index)| IndexedPoint { at: [*x, *y, *z], index }).collect();
             let mut taken = Vec::new();
-            let frame = Frame { origin: [0; 3], side_bits: 10 };
+            let frame = NodeCube { origin: [0; 3], side_bits: 10 };
             Shells::with_slack(slack).sample(NodeKey::ROOT, frame, &[&items], &mut taken);
-            let at = |item: &Item| item.at.map(i64::from);
-            let mut visit: Vec<&Item> = items.iter().collect();
+            let at = |item: &IndexedPoint| item.at.map(i64::from);
+            let mut visit: Vec<&IndexedPoint> = items.iter().collect();
             visit.sort_by_key(|item| squared(at(item), [512; 3]));
             let least = (8 + u64::from(slack)).pow(2);
-            let mut samples: Vec<&Item> = Vec::new();
+            let mut samples: Vec<&IndexedPoint> = Vec::new();
             for item in visit {
                 let free = samples.iter().all(|other| squared(at(item), at(other)) >= least);
                 prop_assert_eq!(taken[item.index as usize], free);

@@ -3,8 +3,8 @@
 //! position and level, so that the same cloud always gives the same octree.
 
 use super::one_per_cell::take_lowest;
-use super::sampler::{Item, Sampler};
-use crate::octree::cube::Frame;
+use super::sampler::{IndexedPoint, Sampler};
+use crate::octree::cube::NodeCube;
 use crate::octree::node::NodeKey;
 
 #[derive(Default)]
@@ -26,7 +26,13 @@ fn rank([x, y, z]: [u32; 3], level: u8) -> u64 {
 }
 
 impl Sampler for RandomInGrid {
-    fn sample(&mut self, node: NodeKey, frame: Frame, candidates: &[&[Item]], taken: &mut Vec<bool>) {
+    fn sample(
+        &mut self,
+        node: NodeKey,
+        frame: NodeCube,
+        candidates: &[&[IndexedPoint]],
+        taken: &mut Vec<bool>,
+    ) {
         take_lowest(frame, candidates, taken, |at| rank(at, node.level));
     }
 }
@@ -37,10 +43,10 @@ mod tests {
 
     #[test]
     fn other_levels_prefer_other_points() {
-        let points: Vec<Item> =
-            (0..64).map(|index| Item { at: [index % 4, index / 4 % 4, index / 16], index }).collect();
+        let points: Vec<IndexedPoint> =
+            (0..64).map(|index| IndexedPoint { at: [index % 4, index / 4 % 4, index / 16], index }).collect();
         let chosen = |level| {
-            let (mut taken, frame) = (Vec::new(), Frame { origin: [0; 3], side_bits: 9 });
+            let (mut taken, frame) = (Vec::new(), NodeCube { origin: [0; 3], side_bits: 9 });
             RandomInGrid.sample(NodeKey { level, at: [0; 3] }, frame, &[&points], &mut taken);
             assert_eq!(taken.iter().filter(|taken| **taken).count(), 1, "all are in one cell");
             taken.iter().position(|taken| *taken)

@@ -74,7 +74,7 @@ pub fn read_file(path: &Path, links: Links, most: u64) -> io::Result<Vec<u8>> {
 
 /// What a folder holds.
 #[derive(Debug, Clone)]
-pub struct Entry {
+pub struct FolderEntry {
     pub name: OsString,
     pub kind: FileType,
     /// Of the entry itself; a link is not followed.
@@ -83,7 +83,7 @@ pub struct Entry {
 
 /// Lists a folder, looking at each entry by the folder's own handle. What vanishes
 /// meanwhile is left out.
-pub fn list_folder(path: &Path, links: Links) -> io::Result<Vec<Entry>> {
+pub fn list_folder(path: &Path, links: Links) -> io::Result<Vec<FolderEntry>> {
     let folder = open(path, OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NONBLOCK, links)?;
     let mut entries = Vec::new();
     for entry in Dir::read_from(&folder)? {
@@ -95,7 +95,7 @@ pub fn list_folder(path: &Path, links: Links) -> io::Result<Vec<Entry>> {
         match statat(folder.as_fd(), name, AtFlags::SYMLINK_NOFOLLOW) {
             Ok(stat) => {
                 let kind = FileType::from_raw_mode(stat.st_mode);
-                entries.push(Entry { name: name.to_os_string(), kind, stat });
+                entries.push(FolderEntry { name: name.to_os_string(), kind, stat });
             }
             Err(Errno::NOENT) => {}
             Err(errno) => return Err(errno.into()),

@@ -6,7 +6,7 @@ use crate::render::error::{RenderError, Result};
 
 /// What kind of adapter will do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
+pub enum AdapterPreference {
     /// A real GPU only.
     Hardware,
     /// Anything that runs compute shaders, software too.
@@ -18,8 +18,8 @@ pub enum Wish {
 const SIGNS: [&str; 4] = ["/dev/dri", "/dev/nvidia0", "/dev/dxg", "/dev/kfd"];
 
 /// The best adapter of the kind wished for; `None` where there is none.
-pub fn find(wish: Wish) -> Result<Option<wgpu::Adapter>> {
-    if wish == Wish::Hardware && !SIGNS.iter().any(|sign| Path::new(sign).exists()) {
+pub fn find(wish: AdapterPreference) -> Result<Option<wgpu::Adapter>> {
+    if wish == AdapterPreference::Hardware && !SIGNS.iter().any(|sign| Path::new(sign).exists()) {
         return Ok(None);
     }
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -33,7 +33,7 @@ pub fn find(wish: Wish) -> Result<Option<wgpu::Adapter>> {
         wgpu::DeviceType::VirtualGpu => 2,
         wgpu::DeviceType::Cpu | wgpu::DeviceType::Other => 3,
     };
-    let will_do = |adapter: &wgpu::Adapter| wish == Wish::Any || rank(adapter) < 3;
+    let will_do = |adapter: &wgpu::Adapter| wish == AdapterPreference::Any || rank(adapter) < 3;
     Ok(adapters.into_iter().filter(will_do).min_by_key(rank))
 }
 

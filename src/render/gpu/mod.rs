@@ -18,7 +18,7 @@ use super::error::{RenderError, Result};
 use super::frame::{Drawing, Picture};
 use super::scene::Scene;
 
-pub use adapter::Wish;
+pub use adapter::AdapterPreference;
 pub use pipelines::SHADERS;
 
 /// A device with its shaders, and the buffers of the last scene and size.
@@ -34,7 +34,7 @@ pub struct Gpu {
 
 impl Gpu {
     /// Opens an adapter; `Ok(None)` where there is none of the kind wished for.
-    pub fn open(wish: Wish) -> Result<Option<Gpu>> {
+    pub fn open(wish: AdapterPreference) -> Result<Option<Gpu>> {
         adapter::find(wish)?.map(|adapter| Gpu::on(&adapter)).transpose()
     }
 

@@ -61,9 +61,13 @@ mod tests {
     use super::*;
 
     fn frame() -> Frame {
-        let camera =
-            crate::render::camera::Shot { target: [0.0; 3], azimuth: 0.0, elevation: 0.0, distance: 1.0 }
-                .camera();
+        let camera = crate::render::camera::OrbitCamera {
+            target: [0.0; 3],
+            azimuth: 0.0,
+            elevation: 0.0,
+            distance: 1.0,
+        }
+        .camera();
         crate::render::frame::Drawing::new(
             &camera,
             [64, 64],

@@ -5,10 +5,10 @@ use serde::Serialize;
 use serde_json::{Number, Value};
 
 use crate::octree::attribute::{Attribute, RGB, Scalar};
-use crate::render::color::{ColorBy, Painter};
+use crate::render::color::{ColorBy, ColorMapper};
 use crate::render::octree::Octree;
 use crate::render::palette;
-use crate::render::sample::{Sample, percentile};
+use crate::render::sample::{CoarseSample, percentile};
 use crate::words::class_name;
 
 /// Shares of the values below the darkest and above the lightest color.
@@ -20,7 +20,7 @@ const STOPS: usize = 9;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Paint {
     /// As pictures do.
-    Picture(Painter),
+    Picture(ColorMapper),
     /// By a number of the record.
     Number { column: Column, low: f64, range: f64 },
 }
@@ -72,8 +72,8 @@ pub struct Offer {
 impl Paint {
     /// How to color by a name: `auto`, `height`, that of an attribute, or of one of its
     /// elements as `name[1]`. Nothing where there is no such attribute.
-    pub fn by(octree: &Octree, sample: &Sample, name: &str) -> Option<Paint> {
-        let picture = |by| Painter::choose(octree, sample, by).ok().map(Paint::Picture);
+    pub fn by(octree: &Octree, sample: &CoarseSample, name: &str) -> Option<Paint> {
+        let picture = |by| ColorMapper::choose(octree, sample, by).ok().map(Paint::Picture);
         match name {
             "auto" => picture(ColorBy::Auto),
             "height" => picture(ColorBy::Height),
@@ -93,22 +93,24 @@ impl Paint {
         }
     }
 
-    fn legend(&self, octree: &Octree, sample: &Sample) -> Legend {
+    fn legend(&self, octree: &Octree, sample: &CoarseSample) -> Legend {
         let gradient = |low: f64, range: f64, color: fn(f64) -> [u8; 3]| Legend::Gradient {
             low,
             high: low + range,
             stops: (0..STOPS).map(|stop| color(stop as f64 / (STOPS - 1) as f64)).collect(),
         };
         match self {
-            Paint::Picture(Painter::Intensity { low, range, .. }) => gradient(*low, *range, palette::grey),
-            Paint::Picture(Painter::Height { low, range }) => gradient(*low, *range, palette::height),
-            Paint::Picture(Painter::Blend { height, .. }) => {
+            Paint::Picture(ColorMapper::Intensity { low, range, .. }) => {
+                gradient(*low, *range, palette::grey)
+            }
+            Paint::Picture(ColorMapper::Height { low, range }) => gradient(*low, *range, palette::height),
+            Paint::Picture(ColorMapper::Blend { height, .. }) => {
                 gradient(height.low, height.range, palette::height)
             }
-            Paint::Picture(Painter::Classification { offset }) => {
+            Paint::Picture(ColorMapper::Classification { offset }) => {
                 Legend::Classes { classes: classes(octree, sample, *offset) }
             }
-            Paint::Picture(Painter::Rgb { .. } | Painter::Plain) => Legend::Own,
+            Paint::Picture(ColorMapper::Rgb { .. } | ColorMapper::Plain) => Legend::Own,
             Paint::Number { low, range, .. } => gradient(*low, *range, palette::viridis),
         }
     }
@@ -163,7 +165,7 @@ fn columns(octree: &Octree) -> Vec<(&Attribute, Vec<Column>)> {
 fn other_color(octree: &Octree, name: &str) -> Option<Paint> {
     let (_, columns) = columns(octree).into_iter().find(|(attribute, _)| is_color(attribute, name))?;
     let (offset, gain) = (columns.first()?.offset, 1.0 / 256.0);
-    Some(Paint::Picture(Painter::Rgb { offset, gain, small_gain: gain, bare: None }))
+    Some(Paint::Picture(ColorMapper::Rgb { offset, gain, small_gain: gain, bare: None }))
 }
 
 fn is_color(attribute: &Attribute, name: &str) -> bool {
@@ -173,7 +175,7 @@ fn is_color(attribute: &Attribute, name: &str) -> bool {
         && attribute.elements == 3
 }
 
-fn number(octree: &Octree, sample: &Sample, name: &str) -> Option<Paint> {
+fn number(octree: &Octree, sample: &CoarseSample, name: &str) -> Option<Paint> {
     let named = |(attribute, columns): (&Attribute, Vec<Column>)| {
         let several = columns.len() > 1;
         let mut named = columns.into_iter().enumerate();
@@ -191,7 +193,7 @@ fn element_name(attribute: &str, element: usize, several: bool) -> String {
 }
 
 /// All ways to color, the usual one first.
-pub fn offers(octree: &Octree, sample: &Sample) -> Vec<Offer> {
+pub fn offers(octree: &Octree, sample: &CoarseSample) -> Vec<Offer> {
     let mut names = vec!["auto".to_string(), "height".to_string()];
     for (attribute, columns) in columns(octree) {
         if is_color(attribute, &attribute.name) {
@@ -215,7 +217,7 @@ pub fn offers(octree: &Octree, sample: &Sample) -> Vec<Offer> {
 
 /// The classes that occur, by the metadata's count of them or, without one, among the
 /// points that were looked at.
-fn classes(octree: &Octree, sample: &Sample, offset: usize) -> Vec<Class> {
+fn classes(octree: &Octree, sample: &CoarseSample, offset: usize) -> Vec<Class> {
     let entry = octree.metadata.attributes.iter().find(|attribute| attribute.name == "classification");
     let counted = entry.and_then(|entry| entry.histogram.as_ref()).filter(|counts| counts.len() == 256);
     let mut occurs = [false; 256];

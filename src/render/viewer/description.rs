@@ -9,7 +9,7 @@ use crate::render::error::Result;
 use crate::render::framing::{View, frame};
 use crate::render::node_selection::bounds_of_points;
 use crate::render::octree::Octree;
-use crate::render::sample::Sample;
+use crate::render::sample::CoarseSample;
 
 /// An octree as a whole. Lengths are in the picture's world: the octree's, or of one in
 /// degrees, meters; `unit` leads back.
@@ -50,7 +50,7 @@ pub struct Start {
 
 impl Description {
     /// Describes an octree to a viewer whose picture has this size.
-    pub fn of(octree: &Octree, sample: &Sample, size: [u32; 2]) -> Description {
+    pub fn of(octree: &Octree, sample: &CoarseSample, size: [u32; 2]) -> Description {
         let ceiling = ceiling(&sample.positions);
         let top = ceiling.unwrap_or(f64::INFINITY);
         let shown: Vec<[f64; 3]> = sample.together.iter().filter(|p| p[2] <= top).copied().collect();

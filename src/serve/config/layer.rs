@@ -12,7 +12,7 @@ use super::logging::LogFormat;
 use super::size::Size;
 use super::sources::OnDone;
 use crate::convert::formats::Formats;
-use crate::convert::options::{Damaged, Encoding, LodColor, Mode, Sampling};
+use crate::convert::options::{Damaged, Encoding, GuardMode, LodColor, Sampling};
 use crate::render::color::ColorBy;
 use crate::words;
 
@@ -131,13 +131,13 @@ pub struct Layer {
     pub damaged: Option<Damaged>,
     /// What becomes of a few points so far away that the octree would be built for them [default: set-aside].
     #[arg(long, env = "LODESTONE_OUTLIERS", value_enum, ignore_case = true)]
-    pub outliers: Option<Mode>,
+    pub outliers: Option<GuardMode>,
     /// What becomes of points at one position beyond the first 10 000 [default: set-aside].
     #[arg(long, env = "LODESTONE_DUPLICATES", value_enum, ignore_case = true)]
-    pub duplicates: Option<Mode>,
+    pub duplicates: Option<GuardMode>,
     /// What becomes of records that equal another in every attribute [default: keep].
     #[arg(long, env = "LODESTONE_TWINS", value_enum, ignore_case = true)]
-    pub twins: Option<Mode>,
+    pub twins: Option<GuardMode>,
     /// Make pictures of each octree after it is published, at low priority [default: true].
     #[arg(long, env = "LODESTONE_PREVIEW", value_name = "YES|NO", num_args = 0..=1,
           default_missing_value = "true", value_parser = words::yes_or_no)]

@@ -17,7 +17,7 @@ pub mod sources;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use crate::convert::options::{Mode, Options};
+use crate::convert::options::{GuardMode, Options};
 use crate::platform::limits;
 use crate::render::color::ColorBy;
 use crate::serve::job::retry_policy::Policy;
@@ -171,9 +171,9 @@ impl Config {
                 encoding: layer.encoding.unwrap_or_default(),
                 lod_color: layer.lod_color.unwrap_or_default(),
                 damaged: layer.damaged.unwrap_or_default(),
-                outliers: layer.outliers.unwrap_or(Mode::SetAside),
-                duplicates: layer.duplicates.unwrap_or(Mode::SetAside),
-                twins: layer.twins.unwrap_or(Mode::Keep),
+                outliers: layer.outliers.unwrap_or(GuardMode::SetAside),
+                duplicates: layer.duplicates.unwrap_or(GuardMode::SetAside),
+                twins: layer.twins.unwrap_or(GuardMode::Keep),
                 ..Options::default()
             },
             preview: layer.preview.unwrap_or(true),

@@ -20,7 +20,7 @@ pub type JobId = i64;
 
 /// One input file as it was when it was taken into the queue.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Input {
+pub struct QueuedFile {
     pub path: PathBuf,
     /// Bytes.
     pub size: u64,
@@ -37,7 +37,7 @@ pub struct Input {
     pub ctime_ns: i64,
 }
 
-impl Input {
+impl QueuedFile {
     /// Whether a file of this size, with these times and this number, is the one
     /// that was taken in, as far as can be told without reading it.
     pub fn is(&self, size: u64, mtime_ns: i64, inode: u64, ctime_ns: i64) -> bool {
@@ -51,28 +51,28 @@ impl Input {
 /// What an operator wants of a running job; the engine's next tick reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Wish {
+pub enum ControlRequest {
     Cancel,
     Pause,
 }
 
-impl Wish {
+impl ControlRequest {
     pub fn name(self) -> &'static str {
         match self {
-            Wish::Cancel => "cancel",
-            Wish::Pause => "pause",
+            ControlRequest::Cancel => "cancel",
+            ControlRequest::Pause => "pause",
         }
     }
 
-    pub fn parse(name: &str) -> Option<Wish> {
-        [Wish::Cancel, Wish::Pause].into_iter().find(|wish| wish.name() == name)
+    pub fn parse(name: &str) -> Option<ControlRequest> {
+        [ControlRequest::Cancel, ControlRequest::Pause].into_iter().find(|wish| wish.name() == name)
     }
 
     /// The event that fulfils it.
     pub fn event(self) -> Event {
         match self {
-            Wish::Cancel => Event::Cancel,
-            Wish::Pause => Event::Pause,
+            ControlRequest::Cancel => Event::Cancel,
+            ControlRequest::Pause => Event::Pause,
         }
     }
 }
@@ -93,7 +93,7 @@ pub struct Job {
     /// Why the last attempt did not succeed.
     pub error: Option<String>,
     /// What was asked of the job while it runs.
-    pub wish: Option<Wish>,
+    pub wish: Option<ControlRequest>,
     /// Higher goes first.
     pub priority: i64,
     /// Attempts that were begun; counted before the work starts.

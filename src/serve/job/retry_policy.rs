@@ -14,7 +14,7 @@ use super::Event;
 
 /// How an attempt ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
+pub enum AttemptEnd {
     Published,
     /// An error that trying again cannot help.
     Hopeless,
@@ -36,7 +36,7 @@ pub enum End {
 
 /// What is counted of a job's past.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Tally {
+pub struct FailureCounts {
     pub attempts: u32,
     pub strikes: u32,
     pub postponements: u32,
@@ -63,46 +63,50 @@ impl Default for Policy {
 
 /// What is to be done with the job now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Verdict {
+pub struct RetryDecision {
     pub event: Event,
-    pub tally: Tally,
+    pub tally: FailureCounts,
     /// Milliseconds to wait before the next attempt, where there is one.
     pub wait: i64,
 }
 
 /// Judges an attempt. `tally` already counts the attempt itself.
-pub fn judge(end: End, tally: Tally, policy: &Policy) -> Verdict {
-    let at_once = |event, tally| Verdict { event, tally, wait: 0 };
+pub fn judge(end: AttemptEnd, tally: FailureCounts, policy: &Policy) -> RetryDecision {
+    let at_once = |event, tally| RetryDecision { event, tally, wait: 0 };
     match end {
-        End::Published => at_once(Event::Succeed, Tally { postponements: 0, strikes: 0, ..tally }),
-        End::Cancelled => at_once(Event::Cancel, tally),
-        End::Paused => at_once(Event::Pause, tally),
+        AttemptEnd::Published => {
+            at_once(Event::Succeed, FailureCounts { postponements: 0, strikes: 0, ..tally })
+        }
+        AttemptEnd::Cancelled => at_once(Event::Cancel, tally),
+        AttemptEnd::Paused => at_once(Event::Pause, tally),
         // The attempt was counted before the run and is taken back: an orderly
         // stop says nothing about the job.
-        End::Parked => at_once(Event::Park, Tally { attempts: tally.attempts.saturating_sub(1), ..tally }),
-        End::Hopeless | End::Panicked => strike(tally, policy, Event::Fail, 0),
-        End::Crashed => strike(tally, policy, Event::Crash, policy.first_wait),
+        AttemptEnd::Parked => {
+            at_once(Event::Park, FailureCounts { attempts: tally.attempts.saturating_sub(1), ..tally })
+        }
+        AttemptEnd::Hopeless | AttemptEnd::Panicked => strike(tally, policy, Event::Fail, 0),
+        AttemptEnd::Crashed => strike(tally, policy, Event::Crash, policy.first_wait),
         // Whatever kills the daemon, it is not the same piece of this job. Units
         // are finite, so this ends.
-        End::Interrupted => at_once(Event::Crash, Tally { strikes: 0, ..tally }),
+        AttemptEnd::Interrupted => at_once(Event::Crash, FailureCounts { strikes: 0, ..tally }),
         // Who of them did it shows when each runs alone.
-        End::Suspected => at_once(Event::Crash, tally),
-        End::Passing => {
-            let tally = Tally { postponements: tally.postponements + 1, ..tally };
+        AttemptEnd::Suspected => at_once(Event::Crash, tally),
+        AttemptEnd::Passing => {
+            let tally = FailureCounts { postponements: tally.postponements + 1, ..tally };
             if tally.postponements >= policy.max_postponements {
                 return at_once(Event::Fail, tally);
             }
-            Verdict { event: Event::Postpone, tally, wait: wait_after(tally.postponements, policy) }
+            RetryDecision { event: Event::Postpone, tally, wait: wait_after(tally.postponements, policy) }
         }
     }
 }
 
-fn strike(tally: Tally, policy: &Policy, otherwise: Event, wait: i64) -> Verdict {
-    let tally = Tally { strikes: tally.strikes + 1, ..tally };
+fn strike(tally: FailureCounts, policy: &Policy, otherwise: Event, wait: i64) -> RetryDecision {
+    let tally = FailureCounts { strikes: tally.strikes + 1, ..tally };
     if tally.strikes >= policy.max_strikes {
-        return Verdict { event: Event::Quarantine, tally, wait: 0 };
+        return RetryDecision { event: Event::Quarantine, tally, wait: 0 };
     }
-    Verdict { event: otherwise, tally, wait }
+    RetryDecision { event: otherwise, tally, wait }
 }
 
 /// How long to wait after so many failures, in milliseconds.
@@ -115,9 +119,9 @@ pub fn wait_after(postponements: u32, policy: &Policy) -> i64 {
 /// the queue. A changed source is a clean slate. An order alone keeps the
 /// strikes of a failed job, so that retrying poison by hand ends in quarantine
 /// as well; lifting the quarantine itself clears them.
-pub fn forgive(event: Event, was_quarantined: bool, tally: Tally) -> Tally {
+pub fn forgive(event: Event, was_quarantined: bool, tally: FailureCounts) -> FailureCounts {
     let strikes = if event == Event::Release || was_quarantined { 0 } else { tally.strikes };
-    Tally { strikes, postponements: 0, ..tally }
+    FailureCounts { strikes, postponements: 0, ..tally }
 }
 
 #[cfg(test)]
@@ -126,27 +130,27 @@ mod tests {
     use crate::serve::job::state_machine::{State, next};
     use proptest::prelude::*;
 
-    const ENDS: [End; 10] = [
-        End::Published,
-        End::Hopeless,
-        End::Passing,
-        End::Panicked,
-        End::Crashed,
-        End::Interrupted,
-        End::Suspected,
-        End::Parked,
-        End::Cancelled,
-        End::Paused,
+    const ENDS: [AttemptEnd; 10] = [
+        AttemptEnd::Published,
+        AttemptEnd::Hopeless,
+        AttemptEnd::Passing,
+        AttemptEnd::Panicked,
+        AttemptEnd::Crashed,
+        AttemptEnd::Interrupted,
+        AttemptEnd::Suspected,
+        AttemptEnd::Parked,
+        AttemptEnd::Cancelled,
+        AttemptEnd::Paused,
     ];
 
-    fn any_end() -> impl Strategy<Value = End> {
+    fn any_end() -> impl Strategy<Value = AttemptEnd> {
         proptest::sample::select(ENDS.to_vec())
     }
 
     proptest! {
         #[test]
         fn every_verdict_on_a_run_is_legal(end in any_end(), attempts in 1u32..9, strikes in 0u32..9, postponements in 0u32..30) {
-            let verdict = judge(end, Tally { attempts, strikes, postponements }, &Policy::default());
+            let verdict = judge(end, FailureCounts { attempts, strikes, postponements }, &Policy::default());
             prop_assert!(next(State::Running, verdict.event).is_some());
             prop_assert!(verdict.wait >= 0 && verdict.wait <= Policy::default().longest_wait);
         }
@@ -156,14 +160,14 @@ mod tests {
         #[test]
         fn poison_runs_at_most_three_times(ends in prop::collection::vec(any_end(), 1..60)) {
             let policy = Policy::default();
-            let (mut state, mut tally) = (State::Queued, Tally::default());
+            let (mut state, mut tally) = (State::Queued, FailureCounts::default());
             let mut struck = 0;
             for end in ends {
                 if state != State::Queued { break }
                 tally.attempts += 1;
                 match end {
-                    End::Crashed | End::Panicked | End::Hopeless => struck += 1,
-                    End::Interrupted => struck = 0,
+                    AttemptEnd::Crashed | AttemptEnd::Panicked | AttemptEnd::Hopeless => struck += 1,
+                    AttemptEnd::Interrupted => struck = 0,
                     _ => {}
                 }
                 let verdict = judge(end, tally, &policy);
@@ -176,19 +180,19 @@ mod tests {
 
         #[test]
         fn parking_costs_nothing(attempts in 0u32..9, strikes in 0u32..3, postponements in 0u32..9) {
-            let before = Tally { attempts, strikes, postponements };
-            let claimed = Tally { attempts: attempts + 1, ..before };
-            prop_assert_eq!(judge(End::Parked, claimed, &Policy::default()).tally, before);
+            let before = FailureCounts { attempts, strikes, postponements };
+            let claimed = FailureCounts { attempts: attempts + 1, ..before };
+            prop_assert_eq!(judge(AttemptEnd::Parked, claimed, &Policy::default()).tally, before);
         }
     }
 
     #[test]
     fn waits_double_up_to_the_longest() {
         let policy = Policy::default();
-        let mut tally = Tally::default();
+        let mut tally = FailureCounts::default();
         let mut waits = vec![];
         for _ in 0..10 {
-            let verdict = judge(End::Passing, tally, &policy);
+            let verdict = judge(AttemptEnd::Passing, tally, &policy);
             tally = verdict.tally;
             waits.push(verdict.wait / 1000);
         }
@@ -197,17 +201,17 @@ mod tests {
 
     #[test]
     fn who_was_not_alone_is_not_blamed() {
-        let before = Tally { attempts: 4, strikes: 2, postponements: 1 };
-        let verdict = judge(End::Suspected, before, &Policy::default());
+        let before = FailureCounts { attempts: 4, strikes: 2, postponements: 1 };
+        let verdict = judge(AttemptEnd::Suspected, before, &Policy::default());
         assert_eq!((verdict.event, verdict.tally), (Event::Crash, before));
     }
 
     #[test]
     fn retrying_poison_by_hand_ends_in_quarantine_until_the_source_changes() {
         let policy = Policy::default();
-        let mut tally = Tally::default();
+        let mut tally = FailureCounts::default();
         for event in [Event::Fail, Event::Fail, Event::Quarantine] {
-            let verdict = judge(End::Hopeless, forgive(Event::Retry, false, tally), &policy);
+            let verdict = judge(AttemptEnd::Hopeless, forgive(Event::Retry, false, tally), &policy);
             assert_eq!(verdict.event, event);
             tally = verdict.tally;
         }

@@ -8,15 +8,15 @@ use std::ops::RangeInclusive;
 use sqlx::{Row, Sqlite, Transaction};
 
 use super::{LONGEST_HISTORY, Result, Store, StoreError, dedup, note, previews, row, step};
-use crate::serve::job::retry_policy::{End, Policy, Tally, Verdict, forgive, judge};
-use crate::serve::job::{Event, Job, JobId, State, Wish};
+use crate::serve::job::retry_policy::{AttemptEnd, FailureCounts, Policy, RetryDecision, forgive, judge};
+use crate::serve::job::{ControlRequest, Event, Job, JobId, State};
 
 type Tx = Transaction<'static, Sqlite>;
 
 /// How an attempt ended, for the record.
 #[derive(Debug, Clone)]
-pub struct Ending {
-    pub end: End,
+pub struct AttemptResult {
+    pub end: AttemptEnd,
     /// What to tell the operator.
     pub error: Option<String>,
 }
@@ -177,10 +177,10 @@ impl Store {
         &self,
         job: JobId,
         owner: &str,
-        ending: &Ending,
+        ending: &AttemptResult,
         policy: &Policy,
         now: i64,
-    ) -> Result<Option<Verdict>> {
+    ) -> Result<Option<RetryDecision>> {
         let mut tx = self.begin().await?;
         let held = sqlx::query("SELECT * FROM job WHERE id = ? AND state = 'running' AND lease_owner = ?")
             .bind(job)
@@ -194,13 +194,13 @@ impl Store {
     }
 
     /// What operators ask of running jobs.
-    pub async fn wishes(&self) -> Result<Vec<(JobId, Wish)>> {
+    pub async fn wishes(&self) -> Result<Vec<(JobId, ControlRequest)>> {
         let rows = sqlx::query("SELECT id, wish FROM job WHERE state = 'running' AND wish IS NOT NULL")
             .fetch_all(&self.readers)
             .await?;
         let mut wishes = Vec::with_capacity(rows.len());
         for row in &rows {
-            if let Some(wish) = Wish::parse(row.try_get("wish")?) {
+            if let Some(wish) = ControlRequest::parse(row.try_get("wish")?) {
                 wishes.push((row.try_get("id")?, wish));
             }
         }
@@ -237,7 +237,7 @@ pub(super) async fn order_within(tx: &mut Tx, job: JobId, event: Event, now: i64
     let before = find(tx, job).await?.ok_or(StoreError::NoSuchJob(job))?;
     let state = step(job, before.state, event)?;
     if before.state == State::Running {
-        let wish = if event == Event::Pause { Wish::Pause } else { Wish::Cancel };
+        let wish = if event == Event::Pause { ControlRequest::Pause } else { ControlRequest::Cancel };
         sqlx::query("UPDATE job SET wish = ?, updated_at = ? WHERE id = ?")
             .bind(wish.name())
             .bind(now)
@@ -302,19 +302,19 @@ async fn find(tx: &mut Tx, job: JobId) -> Result<Option<Job>> {
     row.as_ref().map(row::job).transpose()
 }
 
-fn tally_of(job: &Job) -> Tally {
-    Tally { attempts: job.attempts, strikes: job.strikes, postponements: job.postponements }
+fn tally_of(job: &Job) -> FailureCounts {
+    FailureCounts { attempts: job.attempts, strikes: job.strikes, postponements: job.postponements }
 }
 
 /// What an end means in the light of what is wished now. A job that was called
 /// off must not come back because its run failed in that moment; and one whose
 /// source came back after it was called off goes on.
-fn as_wished(end: End, wish: Option<Wish>) -> End {
+fn as_wished(end: AttemptEnd, wish: Option<ControlRequest>) -> AttemptEnd {
     match (end, wish) {
-        (End::Published | End::Hopeless | End::Panicked, _) => end,
-        (_, Some(Wish::Cancel)) => End::Cancelled,
-        (_, Some(Wish::Pause)) => End::Paused,
-        (End::Cancelled | End::Paused, None) => End::Parked,
+        (AttemptEnd::Published | AttemptEnd::Hopeless | AttemptEnd::Panicked, _) => end,
+        (_, Some(ControlRequest::Cancel)) => AttemptEnd::Cancelled,
+        (_, Some(ControlRequest::Pause)) => AttemptEnd::Paused,
+        (AttemptEnd::Cancelled | AttemptEnd::Paused, None) => AttemptEnd::Parked,
         (_, None) => end,
     }
 }
@@ -322,10 +322,10 @@ fn as_wished(end: End, wish: Option<Wish>) -> End {
 pub(super) async fn end_attempt(
     tx: &mut Tx,
     job: &Job,
-    ending: &Ending,
+    ending: &AttemptResult,
     policy: &Policy,
     now: i64,
-) -> Result<Verdict> {
+) -> Result<RetryDecision> {
     let verdict = judge(as_wished(ending.end, job.wish), tally_of(job), policy);
     let newer = job.superseded_by.map(|by| format!("its source has newer content, which is job {by}"));
     let state = step(job.id, job.state, verdict.event)?;

@@ -6,36 +6,36 @@ use std::path::PathBuf;
 use sqlx::{Row, Sqlite, Transaction};
 
 use super::{Result, Store, dedup, names, note, row, step};
-use crate::serve::job::retry_policy::{Tally, forgive};
-use crate::serve::job::{Event, Input, JobId, State};
+use crate::serve::job::retry_policy::{FailureCounts, forgive};
+use crate::serve::job::{Event, JobId, QueuedFile, State};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum DataSetKind {
     File,
     Folder,
 }
 
-impl Kind {
+impl DataSetKind {
     fn name(self) -> &'static str {
         match self {
-            Kind::File => "file",
-            Kind::Folder => "folder",
+            DataSetKind::File => "file",
+            DataSetKind::Folder => "folder",
         }
     }
 }
 
 /// A data set that is whole and quiet.
 #[derive(Debug, Clone)]
-pub struct Arrival {
+pub struct NewDataSet {
     /// The file or folder that was dropped; UTF-8, as all paths here.
     pub path: PathBuf,
-    pub kind: Kind,
+    pub kind: DataSetKind,
     /// The wished name of its octree; a number is added where it is taken.
     pub name: String,
     /// Sizes and times of its files, so that it is known again.
     pub stamp: String,
     pub content_key: String,
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<QueuedFile>,
     /// Conversion options as JSON.
     pub options: String,
     pub priority: i64,
@@ -51,7 +51,7 @@ pub struct Arrival {
 
 /// What became of an arrival.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Admission {
+pub enum EnqueueResult {
     /// A new job; the older open jobs of this source were called off.
     New(JobId),
     /// A job that had failed gets a new chance, for its source was written again.
@@ -60,10 +60,10 @@ pub enum Admission {
     Known(JobId),
 }
 
-impl Admission {
+impl EnqueueResult {
     pub fn job(&self) -> JobId {
         match self {
-            Admission::New(job) | Admission::Released(job) | Admission::Known(job) => *job,
+            EnqueueResult::New(job) | EnqueueResult::Released(job) | EnqueueResult::Known(job) => *job,
         }
     }
 }
@@ -86,13 +86,13 @@ impl Store {
     }
 
     /// Takes an arrival into the queue.
-    pub async fn take_in(&self, arrival: &Arrival, now: i64) -> Result<Admission> {
+    pub async fn take_in(&self, arrival: &NewDataSet, now: i64) -> Result<EnqueueResult> {
         let mut tx = self.begin().await?;
         let mut data_set = upsert_data_set(&mut tx, arrival, now).await?;
         if let Some(job) = being_put_away(&mut tx, &data_set, arrival).await? {
             note_stamp(&mut tx, &data_set, job, arrival, now).await?;
             tx.commit().await?;
-            return Ok(Admission::Known(job));
+            return Ok(EnqueueResult::Known(job));
         }
         // Its octree is no longer that of what lies here now.
         let moves_on = !names::is_free_to_use(&mut tx, &arrival.octrees, &data_set.name, None).await?;
@@ -100,7 +100,7 @@ impl Store {
         let admission = match dedup::find_standing(&mut tx, &arrival.content_key).await? {
             Some(job) => {
                 meet_again(&mut tx, &data_set, job, arrival, now).await?;
-                Admission::Known(job)
+                EnqueueResult::Known(job)
             }
             None => {
                 if moves_on {
@@ -109,9 +109,9 @@ impl Store {
                 match find_fallen(&mut tx, &data_set, &arrival.content_key).await? {
                     Some(job) => {
                         release(&mut tx, &data_set, job, arrival, now).await?;
-                        Admission::Released(job)
+                        EnqueueResult::Released(job)
                     }
-                    None => Admission::New(insert_job(&mut tx, &data_set, arrival, now).await?),
+                    None => EnqueueResult::New(insert_job(&mut tx, &data_set, arrival, now).await?),
                 }
             }
         };
@@ -124,7 +124,7 @@ impl Store {
 }
 
 /// Finds or makes the data set's row and settles the name of its octree.
-async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<DataSet> {
+async fn upsert_data_set(tx: &mut Tx, arrival: &NewDataSet, now: i64) -> Result<DataSet> {
     let path = arrival.path.to_string_lossy();
     let known = sqlx::query("SELECT id, name, revision FROM data_set WHERE path = ?")
         .bind(&*path)
@@ -153,7 +153,13 @@ async fn upsert_data_set(tx: &mut Tx, arrival: &Arrival, now: i64) -> Result<Dat
 }
 
 /// The stamp by which a data set is known again, and the job that stands for it.
-async fn note_stamp(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+async fn note_stamp(
+    tx: &mut Tx,
+    data_set: &DataSet,
+    job: JobId,
+    arrival: &NewDataSet,
+    now: i64,
+) -> Result<()> {
     sqlx::query("UPDATE data_set SET job = ?, stamp = ?, updated_at = ? WHERE id = ?")
         .bind(job)
         .bind(&arrival.stamp)
@@ -165,7 +171,7 @@ async fn note_stamp(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
 }
 
 /// Under a name that comes again lies something of its own from now on.
-async fn rename(tx: &mut Tx, data_set: &mut DataSet, arrival: &Arrival) -> Result<()> {
+async fn rename(tx: &mut Tx, data_set: &mut DataSet, arrival: &NewDataSet) -> Result<()> {
     data_set.name = names::free_name(tx, &arrival.octrees, &arrival.name).await?;
     sqlx::query("UPDATE data_set SET name = ? WHERE id = ?")
         .bind(&data_set.name)
@@ -178,7 +184,7 @@ async fn rename(tx: &mut Tx, data_set: &mut DataSet, arrival: &Arrival) -> Resul
 /// The job whose sources are being removed one after the other, where these are
 /// what is left of them: nothing new. Where more came to them instead, they are not
 /// put away any more: what is made of them all takes their octree's place.
-async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> Result<Option<JobId>> {
+async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &NewDataSet) -> Result<Option<JobId>> {
     let rows = sqlx::query(
         "SELECT job.id, job_input.path, job_input.size, job_input.hash FROM data_set \
          JOIN job ON job.id = data_set.job JOIN job_input ON job_input.job = job.id \
@@ -197,7 +203,7 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
         let path: String = row.try_get("path")?;
         known.insert(path, (row.try_get::<i64, _>("size")? as u64, row.try_get::<String, _>("hash")?));
     }
-    let is_left = |input: &Input| {
+    let is_left = |input: &QueuedFile| {
         known.get(&*input.path.to_string_lossy()) == Some(&(input.size, input.hash.clone()))
             && !input.hash.is_empty()
     };
@@ -213,7 +219,12 @@ async fn being_put_away(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival) -> R
 /// A content that stands as another data set's octree is not converted twice,
 /// unless this data set has an octree of its own, which would go on showing what
 /// the source no longer holds: then the content is its own.
-async fn own_content(tx: &mut Tx, data_set: &DataSet, moves_on: bool, arrival: &Arrival) -> Result<Arrival> {
+async fn own_content(
+    tx: &mut Tx,
+    data_set: &DataSet,
+    moves_on: bool,
+    arrival: &NewDataSet,
+) -> Result<NewDataSet> {
     let mut arrival = arrival.clone();
     if !moves_on
         && let Some(key) = dedup::own_key(tx, data_set.id, &data_set.name, &arrival.content_key).await?
@@ -238,7 +249,13 @@ async fn find_fallen(tx: &mut Tx, data_set: &DataSet, content_key: &str) -> Resu
 
 /// The content is known: under another name that is worth a note; under its own
 /// the file was only touched, and its times are noted anew.
-async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+async fn meet_again(
+    tx: &mut Tx,
+    data_set: &DataSet,
+    job: JobId,
+    arrival: &NewDataSet,
+    now: i64,
+) -> Result<()> {
     let row = sqlx::query("SELECT data_set FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
     if row.try_get::<i64, _>("data_set")? == data_set.id {
         // It may have been called off a moment ago, for a content that is gone
@@ -260,12 +277,15 @@ async fn meet_again(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arriv
     note(tx, job, now, "same content", Some(&told)).await
 }
 
-async fn release(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival, now: i64) -> Result<()> {
+async fn release(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &NewDataSet, now: i64) -> Result<()> {
     let row = sqlx::query("SELECT * FROM job WHERE id = ?").bind(job).fetch_one(&mut **tx).await?;
     let job_now = row::job(&row)?;
     let state = step(job, job_now.state, Event::Release)?;
-    let tally =
-        Tally { attempts: job_now.attempts, strikes: job_now.strikes, postponements: job_now.postponements };
+    let tally = FailureCounts {
+        attempts: job_now.attempts,
+        strikes: job_now.strikes,
+        postponements: job_now.postponements,
+    };
     let tally = forgive(Event::Release, job_now.state == State::Quarantined, tally);
     sqlx::query(
         "UPDATE job SET state = ?, strikes = ?, postponements = ?, not_before = 0, hold = NULL, \
@@ -287,7 +307,7 @@ async fn release(tx: &mut Tx, data_set: &DataSet, job: JobId, arrival: &Arrival,
     note(tx, job, now, Event::Release.name(), Some("its source was written again")).await
 }
 
-async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64) -> Result<JobId> {
+async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &NewDataSet, now: i64) -> Result<JobId> {
     let bytes: u64 = arrival.inputs.iter().map(|input| input.size).sum();
     let job = sqlx::query(
         "INSERT INTO job (data_set, name, source, revision, content_key, state, priority, options, \
@@ -319,7 +339,7 @@ async fn insert_job(tx: &mut Tx, data_set: &DataSet, arrival: &Arrival, now: i64
     Ok(job)
 }
 
-async fn replace_inputs(tx: &mut Tx, job: JobId, inputs: &[Input]) -> Result<()> {
+async fn replace_inputs(tx: &mut Tx, job: JobId, inputs: &[QueuedFile]) -> Result<()> {
     sqlx::query("DELETE FROM job_input WHERE job = ?").bind(job).execute(&mut **tx).await?;
     for (ord, input) in inputs.iter().enumerate() {
         sqlx::query(

@@ -102,20 +102,20 @@ pub struct Listing {
 
 /// A place in a listing: the value of a job that is sorted by, and its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct ListingCursor {
     pub value: String,
     pub id: JobId,
     /// Whether what stands before it is meant, not what comes after.
     pub backward: bool,
 }
 
-impl Place {
+impl ListingCursor {
     /// As it stands in an address.
     pub fn to_text(&self) -> String {
         format!("{}~{}~{}", if self.backward { "before" } else { "after" }, self.id, self.value)
     }
 
-    pub fn parse(text: &str) -> Option<Place> {
+    pub fn parse(text: &str) -> Option<ListingCursor> {
         let mut parts = text.splitn(3, '~');
         let backward = match parts.next()? {
             "before" => true,
@@ -123,21 +123,26 @@ impl Place {
             _ => return None,
         };
         let id = parts.next()?.parse().ok()?;
-        Some(Place { value: parts.next()?.to_string(), id, backward })
+        Some(ListingCursor { value: parts.next()?.to_string(), id, backward })
     }
 }
 
 /// One page of a listing.
 #[derive(Debug, Clone, Default)]
-pub struct Page {
+pub struct ListingPage {
     pub jobs: Vec<Job>,
     /// Where the pages before and after it are, if there are some.
-    pub previous: Option<Place>,
-    pub next: Option<Place>,
+    pub previous: Option<ListingCursor>,
+    pub next: Option<ListingCursor>,
 }
 
 impl Store {
-    pub async fn listing(&self, listing: &Listing, place: Option<&Place>, limit: i64) -> Result<Page> {
+    pub async fn listing(
+        &self,
+        listing: &Listing,
+        place: Option<&ListingCursor>,
+        limit: i64,
+    ) -> Result<ListingPage> {
         let backward = place.is_some_and(|place| place.backward);
         let ascending = listing.ascending != backward;
         let column = listing.sort.column();
@@ -166,9 +171,9 @@ impl Store {
         let rows = query.build().fetch_all(&self.readers).await?;
         // By the columns: what is told of a job may have been corrected since.
         let place_of = |row: &SqliteRow| {
-            Ok(Place { value: row.try_get("value")?, id: row.try_get("id")?, backward: false })
+            Ok(ListingCursor { value: row.try_get("value")?, id: row.try_get("id")?, backward: false })
         };
-        let mut places = rows.iter().map(place_of).collect::<Result<Vec<Place>>>()?;
+        let mut places = rows.iter().map(place_of).collect::<Result<Vec<ListingCursor>>>()?;
         let more = places.len() as i64 > limit;
         places.truncate(limit as usize);
         if backward {
@@ -176,10 +181,11 @@ impl Store {
         }
         let ids: Vec<JobId> = places.iter().map(|place| place.id).collect();
         let jobs = self.jobs_of(&ids).await?;
-        let at =
-            |place: Option<&Place>, backward: bool| place.map(|place| Place { backward, ..place.clone() });
+        let at = |place: Option<&ListingCursor>, backward: bool| {
+            place.map(|place| ListingCursor { backward, ..place.clone() })
+        };
         let (has_previous, has_next) = if backward { (more, true) } else { (place.is_some(), more) };
-        Ok(Page {
+        Ok(ListingPage {
             previous: at(places.first(), true).filter(|_| has_previous),
             next: at(places.last(), false).filter(|_| has_next),
             jobs,
@@ -188,7 +194,7 @@ impl Store {
 
     /// How many jobs a listing has, of which this is a page; where nothing is searched for, `counts` of
     /// [`Store::shown_counts`] tell.
-    pub async fn total(&self, listing: &Listing, page: &Page, counts: &[(Shown, i64)]) -> Result<i64> {
+    pub async fn total(&self, listing: &Listing, page: &ListingPage, counts: &[(Shown, i64)]) -> Result<i64> {
         if page.previous.is_none() && page.next.is_none() {
             return Ok(page.jobs.len() as i64);
         }

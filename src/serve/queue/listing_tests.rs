@@ -39,7 +39,7 @@ async fn walk(store: &Store, listing: &Listing, limit: i64) -> Vec<JobId> {
         pages.push(on_it);
         let Some(next) = page.next else { break };
         // As a link has it.
-        place = Place::parse(&next.to_text());
+        place = ListingCursor::parse(&next.to_text());
         assert_eq!(place.as_ref(), Some(&next));
     }
     let mut back = store.listing(listing, place.as_ref(), limit).await.expect("the last page");
@@ -119,13 +119,13 @@ async fn dismissed_jobs_are_news_again_once_something_happens() {
 
 #[tokio::test]
 async fn the_mode_outlives_the_daemon() {
-    use crate::serve::queue::Mode;
+    use crate::serve::queue::QueueMode;
     let (folder, store) = store(1).await;
-    assert_eq!(store.mode().await.expect("a mode"), Mode::Run);
-    store.set_mode(Mode::Drain).await.expect("set");
+    assert_eq!(store.mode().await.expect("a mode"), QueueMode::Run);
+    store.set_mode(QueueMode::Drain).await.expect("set");
     store.close().await;
     let store = Store::open(&folder.path().join("q.db")).await.expect("opened");
-    assert_eq!(store.mode().await.expect("a mode"), Mode::Drain);
+    assert_eq!(store.mode().await.expect("a mode"), QueueMode::Drain);
 }
 
 #[tokio::test]

@@ -5,14 +5,14 @@ use sqlx::Row;
 
 use super::{Result, Store};
 use crate::serve::job::JobId;
-use crate::serve::log::Line;
+use crate::serve::log::LogLine;
 
 /// Lines that are kept of a job.
 const LONGEST_LOG: i64 = 400;
 
 impl Store {
     /// Keeps lines with their jobs; those about jobs that are gone are dropped.
-    pub async fn keep_lines(&self, lines: &[Line]) -> Result<()> {
+    pub async fn keep_lines(&self, lines: &[LogLine]) -> Result<()> {
         let mut tx = self.begin().await?;
         for line in lines {
             sqlx::query(
@@ -42,14 +42,14 @@ impl Store {
     }
 
     /// The latest lines about a job, the oldest first.
-    pub async fn lines(&self, job: JobId) -> Result<Vec<Line>> {
+    pub async fn lines(&self, job: JobId) -> Result<Vec<LogLine>> {
         let rows = sqlx::query("SELECT * FROM log_line WHERE job = ? ORDER BY id DESC LIMIT ?")
             .bind(job)
             .bind(LONGEST_LOG)
             .fetch_all(&self.readers)
             .await?;
         let line = |row: &sqlx::sqlite::SqliteRow| {
-            Ok(Line {
+            Ok(LogLine {
                 job: row.try_get("job")?,
                 at: row.try_get("at")?,
                 level: row.try_get("level")?,

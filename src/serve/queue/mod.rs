@@ -40,16 +40,16 @@ use sqlx::{Connection, Row, SqlSafeStr, Sqlite, Transaction};
 
 use crate::serve::job::{Event, JobId, State};
 
-pub use claim::Ending;
-pub use enqueue::{Admission, Arrival, Kind};
+pub use claim::AttemptResult;
+pub use enqueue::{DataSetKind, EnqueueResult, NewDataSet};
 pub use error::{Result, StoreError};
-pub use listing::{Listing, Page, Place, Shown, Sort};
-pub use outbox::Telling;
-pub use previews::{Drawn, Due, Preview, Settled};
-pub use reasons::Reason;
+pub use listing::{Listing, ListingCursor, ListingPage, Shown, Sort};
+pub use outbox::PendingHook;
+pub use previews::{Drawn, PendingPreview, Preview, PreviewOutcome};
+pub use reasons::FailureReason;
 pub use recovery::Recovered;
 pub use share::Share;
-pub use steering::Mode;
+pub use steering::QueueMode;
 pub use verification::{Verification, Verified};
 pub use views::{Attempt, Counts, History};
 

@@ -9,7 +9,7 @@ use crate::serve::job::{Job, JobId, State};
 
 /// An end that a hook is to be told of.
 #[derive(Debug, Clone)]
-pub struct Telling {
+pub struct PendingHook {
     pub job: Job,
     /// How the job ended; it may have been ordered to run again since.
     pub end: State,
@@ -116,7 +116,7 @@ impl Store {
     }
 
     /// Ends that a hook is still to be told of, the oldest first.
-    pub async fn hooks_owed(&self, limit: i64) -> Result<Vec<Telling>> {
+    pub async fn hooks_owed(&self, limit: i64) -> Result<Vec<PendingHook>> {
         let rows = sqlx::query("SELECT * FROM job WHERE hook IS NOT NULL ORDER BY id LIMIT ?")
             .bind(limit)
             .fetch_all(&self.readers)
@@ -128,7 +128,7 @@ impl Store {
             // What is only begun may still be where it was.
             let source_now: Option<String> = found.try_get("sources_now")?;
             let source_now = source_now.filter(|_| !sources_owed);
-            Ok(Telling {
+            Ok(PendingHook {
                 end: State::parse(&end).unwrap_or(job.state),
                 sources_owed,
                 source_now: source_now.unwrap_or_else(|| job.source.to_string_lossy().into_owned()),

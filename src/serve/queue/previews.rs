@@ -54,7 +54,7 @@ pub struct Preview {
 
 /// Pictures that are to be made, and later one attempt at them.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Due {
+pub struct PendingPreview {
     pub job: JobId,
     /// Of the octree.
     pub name: String,
@@ -66,7 +66,7 @@ pub struct Due {
 
 /// How an attempt ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Settled {
+pub enum PreviewOutcome {
     /// With the text of its `preview.json`.
     Done(String),
     Nothing(String),
@@ -83,7 +83,12 @@ impl Store {
     /// The next pictures to make, where some are due. What is to wait for longer
     /// than `longest_wait` was told so by a clock that has been set back since.
     /// Suspects only where there is nothing else at work.
-    pub async fn preview_due(&self, now: i64, longest_wait: i64, suspects: bool) -> Result<Option<Due>> {
+    pub async fn preview_due(
+        &self,
+        now: i64,
+        longest_wait: i64,
+        suspects: bool,
+    ) -> Result<Option<PendingPreview>> {
         let row = sqlx::query(
             "SELECT preview.job, job.name, preview.attempts, preview.suspect FROM preview CROSS JOIN job \
              ON job.id = preview.job \
@@ -97,7 +102,7 @@ impl Store {
         .fetch_optional(&self.readers)
         .await?;
         let due = |row: SqliteRow| {
-            Ok(Due {
+            Ok(PendingPreview {
                 job: row.try_get("job")?,
                 name: row.try_get("name")?,
                 attempts: row.try_get("attempts")?,
@@ -109,7 +114,12 @@ impl Store {
 
     /// Counts an attempt, before anything is done. Should the daemon die over it,
     /// the next is not before `next`. Nothing is returned where it is not due.
-    pub async fn begin_preview(&self, due: &Due, next: i64, now: i64) -> Result<Option<Due>> {
+    pub async fn begin_preview(
+        &self,
+        due: &PendingPreview,
+        next: i64,
+        now: i64,
+    ) -> Result<Option<PendingPreview>> {
         let begun = sqlx::query(
             "UPDATE preview SET attempts = attempts + 1, not_before = ?, drawing = 1, updated_at = ? \
              WHERE job = ? AND state = 'queued' AND attempts = ?",
@@ -120,11 +130,11 @@ impl Store {
         .bind(due.attempts)
         .execute(&self.writer)
         .await?;
-        Ok((begun.rows_affected() == 1).then(|| Due { attempts: due.attempts + 1, ..due.clone() }))
+        Ok((begun.rows_affected() == 1).then(|| PendingPreview { attempts: due.attempts + 1, ..due.clone() }))
     }
 
     /// Whether these pictures are still wanted of this attempt.
-    pub async fn preview_stands(&self, due: &Due) -> Result<bool> {
+    pub async fn preview_stands(&self, due: &PendingPreview) -> Result<bool> {
         let row = sqlx::query("SELECT 1 FROM preview WHERE job = ? AND state = 'queued' AND attempts = ?")
             .bind(due.job)
             .bind(due.attempts)
@@ -134,14 +144,14 @@ impl Store {
     }
 
     /// Records the end of an attempt; tells whether it still counted.
-    pub async fn settle_preview(&self, due: &Due, end: &Settled, now: i64) -> Result<bool> {
+    pub async fn settle_preview(&self, due: &PendingPreview, end: &PreviewOutcome, now: i64) -> Result<bool> {
         let (state, attempts, not_before, error, receipt) = match end {
-            Settled::Done(receipt) => (Drawn::Done, due.attempts, 0, None, Some(receipt)),
-            Settled::Nothing(why) => (Drawn::Nothing, due.attempts, 0, Some(why), None),
-            Settled::Later(why, at) => (Drawn::Queued, due.attempts, *at, Some(why), None),
-            Settled::Failed(why) => (Drawn::Failed, due.attempts, 0, Some(why), None),
-            Settled::Parked => (Drawn::Queued, due.attempts.saturating_sub(1), 0, None, None),
-            Settled::Gone(why) => return self.drop_preview(due, why, now).await,
+            PreviewOutcome::Done(receipt) => (Drawn::Done, due.attempts, 0, None, Some(receipt)),
+            PreviewOutcome::Nothing(why) => (Drawn::Nothing, due.attempts, 0, Some(why), None),
+            PreviewOutcome::Later(why, at) => (Drawn::Queued, due.attempts, *at, Some(why), None),
+            PreviewOutcome::Failed(why) => (Drawn::Failed, due.attempts, 0, Some(why), None),
+            PreviewOutcome::Parked => (Drawn::Queued, due.attempts.saturating_sub(1), 0, None, None),
+            PreviewOutcome::Gone(why) => return self.drop_preview(due, why, now).await,
         };
         let mut tx = self.begin().await?;
         sqlx::query("UPDATE preview SET drawing = 0 WHERE job = ?").bind(due.job).execute(&mut *tx).await?;
@@ -165,10 +175,10 @@ impl Store {
             return Ok(false);
         }
         let kind = match end {
-            Settled::Done(_) => Some("preview"),
-            Settled::Nothing(_) => Some("no preview"),
-            Settled::Later(..) | Settled::Failed(_) => Some("preview failed"),
-            Settled::Parked | Settled::Gone(_) => None,
+            PreviewOutcome::Done(_) => Some("preview"),
+            PreviewOutcome::Nothing(_) => Some("no preview"),
+            PreviewOutcome::Later(..) | PreviewOutcome::Failed(_) => Some("preview failed"),
+            PreviewOutcome::Parked | PreviewOutcome::Gone(_) => None,
         };
         if let Some(kind) = kind {
             note(&mut tx, due.job, now, kind, error.map(String::as_str)).await?;
@@ -178,7 +188,7 @@ impl Store {
     }
 
     /// Nothing is owed of an octree that is gone; made again, it is owed again.
-    async fn drop_preview(&self, due: &Due, why: &str, now: i64) -> Result<bool> {
+    async fn drop_preview(&self, due: &PendingPreview, why: &str, now: i64) -> Result<bool> {
         let mut tx = self.begin().await?;
         let gone = sqlx::query("DELETE FROM preview WHERE job = ? AND state = 'queued' AND attempts = ?")
             .bind(due.job)

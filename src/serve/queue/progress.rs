@@ -13,7 +13,7 @@ use crate::serve::job::JobId;
 
 /// How far a job is, as told to people and machines.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Reading {
+pub struct ProgressReading {
     pub stage: &'static str,
     /// Percent of this stage.
     pub percent: f64,
@@ -46,7 +46,7 @@ const NOTE: Millis = 10_000;
 const NOTES: usize = 180;
 
 #[derive(Debug)]
-struct Entry {
+struct RunningEntry {
     progress: Arc<Progress>,
     stage: Stage,
     /// When the present stage was first seen, and how many points it had done.
@@ -69,18 +69,18 @@ struct Rates {
 
 #[derive(Debug, Default)]
 struct Entries {
-    jobs: HashMap<JobId, Entry>,
+    jobs: HashMap<JobId, RunningEntry>,
     rates: Rates,
 }
 
 /// Progress of all running jobs. Cheap to clone.
 #[derive(Debug, Clone, Default)]
-pub struct Board(Arc<Mutex<Entries>>);
+pub struct ProgressRegistry(Arc<Mutex<Entries>>);
 
-impl Board {
+impl ProgressRegistry {
     pub fn hang_up(&self, job: JobId, progress: Arc<Progress>, now: Millis) {
         let last = progress.snapshot();
-        let entry = Entry {
+        let entry = RunningEntry {
             progress,
             stage: last.stage,
             since: now,
@@ -98,20 +98,20 @@ impl Board {
     }
 
     /// Looks at every job; returns when each last moved.
-    pub fn look(&self, now: Millis) -> Vec<Look> {
+    pub fn look(&self, now: Millis) -> Vec<JobProgress> {
         self.with(|entries| {
-            let points = entries.jobs.values_mut().map(Entry::count).sum();
+            let points = entries.jobs.values_mut().map(RunningEntry::count).sum();
             entries.rates.note(points, now);
             entries.jobs.iter_mut().map(|(job, entry)| entry.look(*job, now)).collect()
         })
     }
 
-    pub fn read(&self, job: JobId, now: Millis) -> Option<Reading> {
+    pub fn read(&self, job: JobId, now: Millis) -> Option<ProgressReading> {
         self.with(|entries| entries.jobs.get(&job).map(|entry| entry.reading(now)))
     }
 
     /// How far all running jobs are.
-    pub fn readings(&self, now: Millis) -> Vec<(JobId, Reading)> {
+    pub fn readings(&self, now: Millis) -> Vec<(JobId, ProgressReading)> {
         let mut readings: Vec<_> =
             self.with(|entries| entries.jobs.iter().map(|(job, entry)| (*job, entry.reading(now))).collect());
         readings.sort_by_key(|(job, _)| *job);
@@ -133,7 +133,7 @@ impl Board {
 
 /// One look at one job.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
+pub struct JobProgress {
     pub job: JobId,
     pub moved_at: Millis,
 }
@@ -172,7 +172,7 @@ fn whole(snapshot: &Snapshot) -> f64 {
     before / 100.0
 }
 
-impl Entry {
+impl RunningEntry {
     /// Points done since the last count, where a point is done when all stages are.
     fn count(&mut self) -> f64 {
         let snapshot = self.progress.snapshot();
@@ -183,7 +183,7 @@ impl Entry {
         more
     }
 
-    fn look(&mut self, job: JobId, now: Millis) -> Look {
+    fn look(&mut self, job: JobId, now: Millis) -> JobProgress {
         let snapshot = self.progress.snapshot();
         if snapshot.stage != self.stage {
             (self.stage, self.since, self.first) = (snapshot.stage, now, 0);
@@ -191,10 +191,10 @@ impl Entry {
         if snapshot != self.last {
             (self.last, self.moved_at) = (snapshot, now);
         }
-        Look { job, moved_at: self.moved_at }
+        JobProgress { job, moved_at: self.moved_at }
     }
 
-    fn reading(&self, now: Millis) -> Reading {
+    fn reading(&self, now: Millis) -> ProgressReading {
         let snapshot = self.progress.snapshot();
         let (since, first) =
             if snapshot.stage == self.stage { (self.since, self.first) } else { (now, snapshot.done) };
@@ -202,7 +202,7 @@ impl Entry {
         let rate = if seconds > 0.0 { snapshot.done.saturating_sub(first) as f64 / seconds } else { 0.0 };
         let left = snapshot.total.saturating_sub(snapshot.done) as f64;
         let (whole, took) = (100.0 * whole(&snapshot), (now - self.begun).max(0) as f64 / 1000.0);
-        Reading {
+        ProgressReading {
             whole_percent: whole,
             whole_seconds_left: (whole >= GUESS).then(|| took * (100.0 - whole) / whole),
             stage: snapshot.stage.name(),
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn a_reading_tells_rate_and_time_left_of_the_stage() {
-        let (board, progress) = (Board::default(), Arc::new(Progress::default()));
+        let (board, progress) = (ProgressRegistry::default(), Arc::new(Progress::default()));
         board.hang_up(7, progress.clone(), 0);
         progress.begin(Stage::Index, 1000);
         board.look(1000);
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_job_that_has_not_begun_reads_as_zero_not_as_nan() {
-        let board = Board::default();
+        let board = ProgressRegistry::default();
         board.hang_up(1, Arc::new(Progress::default()), 5);
         let reading = board.read(1, 5).expect("hung up");
         assert_eq!((reading.percent, reading.points_per_second, reading.seconds_left), (0.0, 0.0, None));

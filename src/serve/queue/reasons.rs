@@ -12,7 +12,7 @@ use crate::serve::job::JobId;
 
 /// One reason, and how many jobs failed for it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reason {
+pub struct FailureReason {
     /// As it is told of one of them, without its file.
     pub text: String,
     /// Names the reason in an order.
@@ -28,14 +28,14 @@ const COUNTED: i64 = 5000;
 
 impl Store {
     /// Why jobs failed, the most frequent reasons first; of many jobs, the latest.
-    pub async fn reasons(&self, shown: Shown, limit: usize) -> Result<Vec<Reason>> {
-        let mut reasons: HashMap<String, Reason> = HashMap::new();
+    pub async fn reasons(&self, shown: Shown, limit: usize) -> Result<Vec<FailureReason>> {
+        let mut reasons: HashMap<String, FailureReason> = HashMap::new();
         for (id, name, error, source) in self.errors(shown, COUNTED).await? {
             let text = without_file(&error, &source);
-            let new = || Reason { text: text.clone(), key: key(&text), jobs: 0, example: id, name };
+            let new = || FailureReason { text: text.clone(), key: key(&text), jobs: 0, example: id, name };
             reasons.entry(alike(&text)).or_insert_with(new).jobs += 1;
         }
-        let mut reasons: Vec<Reason> = reasons.into_values().collect();
+        let mut reasons: Vec<FailureReason> = reasons.into_values().collect();
         reasons.sort_by(|a, b| b.jobs.cmp(&a.jobs).then(b.example.cmp(&a.example)));
         reasons.truncate(limit);
         Ok(reasons)

@@ -2,10 +2,10 @@
 
 use sqlx::Row;
 
-use super::claim::{Ending, end_attempt};
+use super::claim::{AttemptResult, end_attempt};
 use super::{Result, Store, previews, row};
-use crate::serve::job::retry_policy::{End, Policy};
-use crate::serve::job::{Event, Job, JobId, Wish};
+use crate::serve::job::retry_policy::{AttemptEnd, Policy};
+use crate::serve::job::{ControlRequest, Event, Job, JobId};
 
 /// A job that was running.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,19 +60,21 @@ impl Store {
                 .await?;
             // An operator's wish outlives the crash.
             let end = match job.wish {
-                Some(Wish::Cancel) => End::Cancelled,
-                Some(Wish::Pause) => End::Paused,
-                None if units > before => End::Interrupted,
-                None if alone => End::Crashed,
-                None => End::Suspected,
+                Some(ControlRequest::Cancel) => AttemptEnd::Cancelled,
+                Some(ControlRequest::Pause) => AttemptEnd::Paused,
+                None if units > before => AttemptEnd::Interrupted,
+                None if alone => AttemptEnd::Crashed,
+                None => AttemptEnd::Suspected,
             };
             let error = match end {
-                End::Suspected => "the daemon died while it was at this and other work; it runs alone next",
+                AttemptEnd::Suspected => {
+                    "the daemon died while it was at this and other work; it runs alone next"
+                }
                 _ => "the daemon died while it converted this",
             };
-            let ending = Ending { end, error: Some(error.to_string()) };
+            let ending = AttemptResult { end, error: Some(error.to_string()) };
             let verdict = end_attempt(&mut tx, &job, &ending, policy, now).await?;
-            if matches!(end, End::Crashed | End::Suspected) {
+            if matches!(end, AttemptEnd::Crashed | AttemptEnd::Suspected) {
                 sqlx::query("UPDATE job SET suspect = 1 WHERE id = ?").bind(job.id).execute(&mut *tx).await?;
             }
             recovered.push(Recovered::Judged(job.id, verdict.event));

@@ -6,7 +6,7 @@ use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
 use super::error::{Result, StoreError};
-use crate::serve::job::{Input, Job, State, Wish};
+use crate::serve::job::{ControlRequest, Job, QueuedFile, State};
 
 pub(super) fn state(row: &SqliteRow) -> Result<State> {
     let name: String = row.try_get("state")?;
@@ -29,7 +29,7 @@ pub(super) fn job(row: &SqliteRow) -> Result<Job> {
         state,
         hold: row.try_get("hold")?,
         error: row.try_get("error")?,
-        wish: wish.as_deref().and_then(Wish::parse),
+        wish: wish.as_deref().and_then(ControlRequest::parse),
         priority: row.try_get("priority")?,
         attempts: row.try_get("attempts")?,
         strikes: row.try_get("strikes")?,
@@ -62,8 +62,8 @@ pub(super) fn listed(row: &SqliteRow) -> Result<Job> {
     Ok(job)
 }
 
-pub(super) fn input(row: &SqliteRow) -> Result<Input> {
-    Ok(Input {
+pub(super) fn input(row: &SqliteRow) -> Result<QueuedFile> {
+    Ok(QueuedFile {
         path: PathBuf::from(row.try_get::<String, _>("path")?),
         size: row.try_get::<i64, _>("size")? as u64,
         mtime_ns: row.try_get("mtime_ns")?,

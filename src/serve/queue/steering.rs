@@ -10,7 +10,7 @@ use crate::serve::job::{Event, JobId};
 /// Whether jobs are started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Mode {
+pub enum QueueMode {
     /// As they come.
     #[default]
     Run,
@@ -20,19 +20,19 @@ pub enum Mode {
     Pause,
 }
 
-impl Mode {
-    pub const ALL: [Mode; 3] = [Mode::Run, Mode::Drain, Mode::Pause];
+impl QueueMode {
+    pub const ALL: [QueueMode; 3] = [QueueMode::Run, QueueMode::Drain, QueueMode::Pause];
 
     pub fn name(self) -> &'static str {
         match self {
-            Mode::Run => "run",
-            Mode::Drain => "drain",
-            Mode::Pause => "pause",
+            QueueMode::Run => "run",
+            QueueMode::Drain => "drain",
+            QueueMode::Pause => "pause",
         }
     }
 
-    pub fn parse(name: &str) -> Option<Mode> {
-        Mode::ALL.into_iter().find(|mode| mode.name() == name)
+    pub fn parse(name: &str) -> Option<QueueMode> {
+        QueueMode::ALL.into_iter().find(|mode| mode.name() == name)
     }
 }
 
@@ -43,12 +43,12 @@ const BATCH: usize = 500;
 
 impl Store {
     /// Whether jobs are started. It holds until it is set anew, also over a restart.
-    pub async fn mode(&self) -> Result<Mode> {
+    pub async fn mode(&self) -> Result<QueueMode> {
         let value = self.setting(MODE).await?;
-        Ok(value.as_deref().and_then(Mode::parse).unwrap_or_default())
+        Ok(value.as_deref().and_then(QueueMode::parse).unwrap_or_default())
     }
 
-    pub async fn set_mode(&self, mode: Mode) -> Result<()> {
+    pub async fn set_mode(&self, mode: QueueMode) -> Result<()> {
         self.set_setting(MODE, mode.name()).await
     }
 

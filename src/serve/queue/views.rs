@@ -5,7 +5,7 @@ use sqlx::Row;
 
 use super::{Result, Store, StoreError, row};
 use crate::serve::job::time::iso8601;
-use crate::serve::job::{Input, Job, JobId, State};
+use crate::serve::job::{Job, JobId, QueuedFile, State};
 
 /// One run of a job. Times are milliseconds since 1970.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,7 +76,7 @@ impl Store {
         Ok(row.try_get("jobs")?)
     }
 
-    pub async fn inputs(&self, job: JobId) -> Result<Vec<Input>> {
+    pub async fn inputs(&self, job: JobId) -> Result<Vec<QueuedFile>> {
         let rows = sqlx::query("SELECT * FROM job_input WHERE job = ? ORDER BY ord")
             .bind(job)
             .fetch_all(&self.readers)

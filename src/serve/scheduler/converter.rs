@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use crate::convert::context::Context;
 use crate::convert::options::Options;
-use crate::convert::preview::{self, Preview};
+use crate::convert::preview::{self, PreviewManifest};
 use crate::convert::report::REPORT;
-use crate::convert::run::{self, Outcome, Request};
+use crate::convert::run::{self, ConversionOutcome, ConversionRequest};
 use crate::render;
-use crate::serve::job::Input;
+use crate::serve::job::QueuedFile;
 
 /// What is to be converted.
 #[derive(Debug, Clone)]
@@ -25,7 +25,7 @@ pub struct Work {
 }
 
 impl Work {
-    pub(super) fn new(inputs: Vec<Input>, output: PathBuf, options: Options) -> Work {
+    pub(super) fn new(inputs: Vec<QueuedFile>, output: PathBuf, options: Options) -> Work {
         let known = inputs.iter().filter(|input| !input.hash.is_empty());
         let hashes = known.map(|input| (input.path.clone(), input.hash.clone())).collect();
         Work { inputs: inputs.into_iter().map(|input| input.path).collect(), hashes, output, options }
@@ -34,7 +34,7 @@ impl Work {
 
 /// What came of it.
 #[derive(Debug, Clone, Default)]
-pub struct Report {
+pub struct ConversionResult {
     pub points_in: u64,
     pub points_out: u64,
     /// Points that the inputs promise and that could not be read.
@@ -62,7 +62,7 @@ pub struct Failure {
 
 pub trait Converter: Send + Sync + 'static {
     /// Converts, taking as long as it takes; looks at `context.cancel`.
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure>;
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure>;
 
     /// Draws the pictures of an octree into a folder. What stands in for
     /// conversions need not know how.
@@ -70,9 +70,9 @@ pub trait Converter: Send + Sync + 'static {
         &self,
         octree: &Path,
         into: &Path,
-        options: &preview::Options,
+        options: &preview::PreviewOptions,
         context: &Context,
-    ) -> render::Result<Preview> {
+    ) -> render::Result<PreviewManifest> {
         preview::preview(octree, into, options, context)
     }
 }
@@ -82,8 +82,8 @@ pub trait Converter: Send + Sync + 'static {
 pub struct Conduct;
 
 impl Converter for Conduct {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
-        let request = Request {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
+        let request = ConversionRequest {
             inputs: work.inputs.clone(),
             output: work.output.clone(),
             // What an earlier attempt may have left.
@@ -101,7 +101,7 @@ impl Converter for Conduct {
             message: error.to_string(),
             panicked: false,
         })?;
-        Ok(Report {
+        Ok(ConversionResult {
             points_in: outcome.points_in,
             points_out: outcome.points_out,
             points_missing: outcome.points_missing,
@@ -118,7 +118,7 @@ impl Converter for Conduct {
 /// What the report beside the octree says, but for the inputs: of these the job
 /// has its own list, and there may be thousands. Where it cannot be read any more,
 /// the outcome is most of it.
-fn told(octree: &Path, outcome: &Outcome) -> serde_json::Value {
+fn told(octree: &Path, outcome: &ConversionOutcome) -> serde_json::Value {
     let report = fs::read(octree.join(REPORT)).ok();
     match report.and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
         Some(serde_json::Value::Object(mut report)) => {

@@ -4,24 +4,24 @@ use std::collections::{HashMap, HashSet, VecDeque};
 
 use tokio::sync::mpsc;
 
-use super::follow_ups::Aftermath;
-use super::preflight::Lane;
-use super::standstill::Pulse;
-use super::stop::Stop;
-use super::tools::Tools;
-use super::worker::Finished;
+use super::follow_ups::FollowUps;
+use super::preflight::SizeClass;
+use super::standstill::StallTimer;
+use super::stop::StopReason;
+use super::tools::EngineContext;
+use super::worker::FinishedRun;
 use crate::convert::context::Cancel;
 use crate::platform::clock::Millis;
 use crate::serve::job::{Job, JobId};
 
 /// A run that is at work.
-pub(super) struct Running {
+pub(super) struct RunningJob {
     pub(super) job: Job,
-    pub(super) lane: Lane,
+    pub(super) lane: SizeClass,
     pub(super) cancel: Cancel,
-    pub(super) stop: Option<Stop>,
+    pub(super) stop: Option<StopReason>,
     pub(super) beat_at: Millis,
-    pub(super) pulse: Pulse,
+    pub(super) pulse: StallTimer,
     /// It may have brought the daemon down: nothing else runs meanwhile.
     pub(super) alone: bool,
 }
@@ -39,17 +39,17 @@ pub struct TickSummary {
 
 /// See the module [`super`].
 pub struct Engine {
-    pub(super) tools: Tools,
+    pub(super) tools: EngineContext,
     /// Names this run of the daemon on its leases.
     pub(super) owner: String,
-    pub(super) running: HashMap<JobId, Running>,
-    pub(super) results: mpsc::UnboundedReceiver<Finished>,
-    pub(super) sender: mpsc::UnboundedSender<Finished>,
+    pub(super) running: HashMap<JobId, RunningJob>,
+    pub(super) results: mpsc::UnboundedReceiver<FinishedRun>,
+    pub(super) sender: mpsc::UnboundedSender<FinishedRun>,
     /// Ended runs that the queue could not record yet.
-    pub(super) unrecorded: VecDeque<Finished>,
+    pub(super) unrecorded: VecDeque<FinishedRun>,
     /// Jobs whose run was given up, but whose thread has not ended.
     pub(super) abandoned: HashSet<JobId>,
-    pub(super) aftermath: Aftermath,
+    pub(super) aftermath: FollowUps,
     pub(super) swept_at: Millis,
     /// A suspect waits until all else has ended.
     pub(super) makes_room: bool,
@@ -58,7 +58,7 @@ pub struct Engine {
 
 impl Engine {
     /// An engine with no runs; `owner` names this run of the daemon on its leases.
-    pub fn new(tools: Tools, owner: String) -> Engine {
+    pub fn new(tools: EngineContext, owner: String) -> Engine {
         let (sender, results) = mpsc::unbounded_channel();
         Engine {
             tools,
@@ -68,7 +68,7 @@ impl Engine {
             sender,
             unrecorded: VecDeque::new(),
             abandoned: HashSet::new(),
-            aftermath: Aftermath::default(),
+            aftermath: FollowUps::default(),
             swept_at: 0,
             makes_room: false,
             stopping: false,

@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use crate::convert::options::Options;
 use crate::platform::clock::Millis;
 use crate::serve::config::Config;
-use crate::serve::queue::{Admission, Arrival, Kind, Store, StoreError};
-use crate::serve::watch::Found;
+use crate::serve::queue::{DataSetKind, EnqueueResult, NewDataSet, Store, StoreError};
+use crate::serve::watch::FoundDataSet;
 use crate::serve::watch::fingerprint::fingerprint;
 use crate::serve::watch::settle::NotYet;
 
 /// What became of a find.
 #[derive(Debug)]
-pub enum Taken {
+pub enum EnqueueOutcome {
     /// In the queue, or known; the stamp by which it is known again.
-    In { path: PathBuf, stamp: String, admission: Admission },
+    In { path: PathBuf, stamp: String, admission: EnqueueResult },
     /// It changed under our hands, and will be found again.
     Moving,
     /// Reading all of it showed that it is not whole. The watcher is to be told,
@@ -25,10 +25,10 @@ pub enum Taken {
 /// Reads all bytes of a find (for the fingerprint), and takes it into the queue.
 pub async fn take_in(
     store: &Store,
-    mut found: Found,
+    mut found: FoundDataSet,
     config: &Config,
     now: Millis,
-) -> Result<Taken, StoreError> {
+) -> Result<EnqueueOutcome, StoreError> {
     let options = match found.marker.as_ref().map(|marker| marker.options_over(&config.options)) {
         Some(Ok(options)) => options,
         Some(Err(why)) => {
@@ -42,33 +42,33 @@ pub async fn take_in(
     let read = tokio::task::spawn_blocking(move || arrival(found, options, octrees)).await.ok().flatten();
     let arrival = match read {
         Some(Ok(arrival)) => arrival,
-        Some(Err(not_yet)) => return Ok(Taken::Hollow { path, stamp, not_yet }),
-        None => return Ok(Taken::Moving),
+        Some(Err(not_yet)) => return Ok(EnqueueOutcome::Hollow { path, stamp, not_yet }),
+        None => return Ok(EnqueueOutcome::Moving),
     };
     let admission = store.take_in(&arrival, now).await?;
     match &admission {
-        Admission::New(job) => tracing::info!(job, path = %path.display(), "queued"),
-        Admission::Released(job) => {
+        EnqueueResult::New(job) => tracing::info!(job, path = %path.display(), "queued"),
+        EnqueueResult::Released(job) => {
             tracing::info!(job, path = %path.display(), "queued again, for its source was written again");
         }
-        Admission::Known(job) => {
+        EnqueueResult::Known(job) => {
             tracing::info!(job, path = %path.display(), "its content is known; not converted twice: that job's octree is this one's too, and this copy may go");
             // Dropped once more, it is put away once more.
             store.owe_sources_again(*job, &path.to_string_lossy(), wish).await?;
         }
     }
-    Ok(Taken::In { path, stamp, admission })
+    Ok(EnqueueOutcome::In { path, stamp, admission })
 }
 
 /// Nothing where it changed meanwhile; an error where it is not whole, and its
 /// time is not up.
-fn arrival(found: Found, options: Options, octrees: PathBuf) -> Option<Result<Arrival, NotYet>> {
+fn arrival(found: FoundDataSet, options: Options, octrees: PathBuf) -> Option<Result<NewDataSet, NotYet>> {
     let print = fingerprint(&found, &options)?;
     if let (Some(not_yet), None) = (&print.hollow, &found.doubt) {
         return Some(Err(not_yet.clone()));
     }
-    Some(Ok(Arrival {
-        kind: if found.is_folder { Kind::Folder } else { Kind::File },
+    Some(Ok(NewDataSet {
+        kind: if found.is_folder { DataSetKind::Folder } else { DataSetKind::File },
         priority: found.marker.as_ref().map_or(0, |marker| marker.priority),
         path: found.path,
         name: found.name,

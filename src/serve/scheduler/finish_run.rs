@@ -1,25 +1,25 @@
 //! What is done when a run has ended: publish what succeeded, judge what did not,
 //! record it, and tell.
 
-use super::converter::{Failure, Report};
-use super::engine::{Engine, Running};
+use super::converter::{ConversionResult, Failure};
+use super::engine::{Engine, RunningJob};
 use super::folders::staging;
 use super::standstill::reason;
-use super::stop::{Stop, wish_end};
-use super::worker::Finished;
+use super::stop::{StopReason, wish_end};
+use super::worker::FinishedRun;
 use super::{preflight, publish, sources};
 use crate::platform::clock::Millis;
 use crate::platform::disk::{inode, seal};
 use crate::serve::config::sources::OnDone;
 use crate::serve::job::Event;
 use crate::serve::job::State;
-use crate::serve::job::retry_policy::End;
+use crate::serve::job::retry_policy::AttemptEnd;
 use crate::serve::job::state_machine;
-use crate::serve::queue::{Ending, Result};
+use crate::serve::queue::{AttemptResult, Result};
 
 impl Engine {
     /// Records one ended run; may be called again for the same one.
-    pub(super) async fn record(&self, finished: &Finished) -> Result<()> {
+    pub(super) async fn record(&self, finished: &FinishedRun) -> Result<()> {
         let Some(running) = self.running.get(&finished.job) else { return Ok(()) };
         let ending = match &finished.result {
             Ok(report) => self.settle_success(running, report).await?,
@@ -41,12 +41,12 @@ impl Engine {
 
     /// The conversion succeeded: publish, unless an operator or the source
     /// thought better of it meanwhile; the queue knows.
-    async fn settle_success(&self, running: &Running, report: &Report) -> Result<Ending> {
+    async fn settle_success(&self, running: &RunningJob, report: &ConversionResult) -> Result<AttemptResult> {
         let inputs = self.tools.store.inputs(running.job.id).await?;
         if let Some(changed) = preflight::changed(&inputs) {
             let error =
                 format!("{} changed while it was converted; waiting until it is quiet", changed.display());
-            return Ok(Ending { end: End::Passing, error: Some(error) });
+            return Ok(AttemptResult { end: AttemptEnd::Passing, error: Some(error) });
         }
         let staged = match self.tools.store.job(running.job.id).await?.staged {
             // This call's forerunner got so far, and what lies in staging now
@@ -68,19 +68,26 @@ impl Engine {
                 let staged = (inode, seal.as_deref());
                 if inode != 0 && !store.stage(id, &self.owner, staged, &result, now).await? {
                     // Called off in the last moment, which the record will say.
-                    return Ok(Ending { end: End::Parked, error: None });
+                    return Ok(AttemptResult { end: AttemptEnd::Parked, error: None });
                 }
                 inode
             }
         };
         Ok(match publish::publish(&self.tools, &running.job, staged).await {
-            Ok(()) => Ending { end: End::Published, error: None },
+            Ok(()) => AttemptResult { end: AttemptEnd::Published, error: None },
             Err(failure) => failing(running, &failure, self.tools.config.stall),
         })
     }
 
     /// Logs and counts the end of a run.
-    fn tell(&self, running: &Running, event: Event, ending: &Ending, finished: &Finished, now: Millis) {
+    fn tell(
+        &self,
+        running: &RunningJob,
+        event: Event,
+        ending: &AttemptResult,
+        finished: &FinishedRun,
+        now: Millis,
+    ) {
         let (job, name) = (running.job.id, running.job.name.as_str());
         let error = ending.error.as_deref().unwrap_or("");
         match event {
@@ -120,7 +127,7 @@ impl Engine {
 /// Warnings of a job that the log tells; its report has all.
 const MAX_LOGGED: usize = 20;
 
-fn published(running: &Running, finished: &Finished) {
+fn published(running: &RunningJob, finished: &FinishedRun) {
     let (job, name) = (running.job.id, running.job.name.as_str());
     let Ok(report) = &finished.result else { return };
     let set_aside: u64 = report.set_aside.iter().map(|(_, points)| points).sum();
@@ -150,14 +157,16 @@ fn add_note(report: &mut serde_json::Value, doubt: &str, what: OnDone) {
 }
 
 /// How a run that failed is judged: what we stopped ourselves is no failure.
-fn failing(running: &Running, failure: &Failure, stall: Option<Millis>) -> Ending {
+fn failing(running: &RunningJob, failure: &Failure, stall: Option<Millis>) -> AttemptResult {
     let error = Some(failure.message.clone());
     match running.stop {
-        Some(Stop::Shutdown) => Ending { end: End::Parked, error: None },
-        Some(Stop::Wish(wish)) => Ending { end: wish_end(wish), error: None },
-        Some(Stop::Stalled) => Ending { end: End::Crashed, error: Some(reason(stall.unwrap_or_default())) },
-        None if failure.panicked => Ending { end: End::Panicked, error },
-        None if failure.may_pass => Ending { end: End::Passing, error },
-        None => Ending { end: End::Hopeless, error },
+        Some(StopReason::Shutdown) => AttemptResult { end: AttemptEnd::Parked, error: None },
+        Some(StopReason::Wish(wish)) => AttemptResult { end: wish_end(wish), error: None },
+        Some(StopReason::Stalled) => {
+            AttemptResult { end: AttemptEnd::Crashed, error: Some(reason(stall.unwrap_or_default())) }
+        }
+        None if failure.panicked => AttemptResult { end: AttemptEnd::Panicked, error },
+        None if failure.may_pass => AttemptResult { end: AttemptEnd::Passing, error },
+        None => AttemptResult { end: AttemptEnd::Hopeless, error },
     }
 }

@@ -9,16 +9,16 @@ use std::time::Duration;
 
 use tokio::task::{JoinHandle, JoinSet};
 
-use super::hook::{self, Ended};
-use super::preview::{Previews, Room};
-use super::sources::{self, Left, Plan, PutAway};
-use super::tools::Tools;
+use super::hook::{self, HookEnd};
+use super::preview::{PreviewCapacity, Previews};
+use super::sources::{self, NotMoved, SourceActionOutcome, SourceActionPlan};
+use super::tools::EngineContext;
 use super::verification::Verifications;
 use super::virtual_cloud::VirtualCloud;
 use crate::convert::context::Cancel;
 use crate::platform::clock::Millis;
 use crate::serve::job::{JobId, State};
-use crate::serve::queue::{Mode, Result, Telling};
+use crate::serve::queue::{PendingHook, QueueMode, Result};
 
 /// Hooks that run at the same time.
 const HOOKS: usize = 4;
@@ -37,17 +37,17 @@ struct Carrying {
     job: JobId,
     /// Whether an earlier try may have put some of it away.
     begun: bool,
-    done: JoinHandle<std::result::Result<PutAway, Left>>,
+    done: JoinHandle<std::result::Result<SourceActionOutcome, NotMoved>>,
 }
 
 #[derive(Default)]
-pub(super) struct Aftermath {
+pub(super) struct FollowUps {
     /// The one data set whose sources are being put away.
     carrying: Option<Carrying>,
     cancel: Cancel,
     /// Sources that could not be put away for now, and when to try again.
     later: HashMap<JobId, Millis>,
-    hooks: JoinSet<(JobId, State, Ended, String)>,
+    hooks: JoinSet<(JobId, State, HookEnd, String)>,
     telling: HashSet<JobId>,
     cleared_at: Millis,
     purging: Option<JoinHandle<()>>,
@@ -57,23 +57,29 @@ pub(super) struct Aftermath {
     virtual_cloud: VirtualCloud,
 }
 
-impl Aftermath {
+impl FollowUps {
     /// Whether pictures are drawn, and whether by suspects.
     pub fn draws(&self) -> (bool, bool) {
         (self.previews.are_at_work(), self.previews.are_suspect())
     }
 
     /// Takes note of what has ended and starts what is owed.
-    pub async fn turn(&mut self, tools: &Tools, room: Room, stopping: bool, mode: Mode) -> Result<()> {
+    pub async fn turn(
+        &mut self,
+        tools: &EngineContext,
+        room: PreviewCapacity,
+        stopping: bool,
+        mode: QueueMode,
+    ) -> Result<()> {
         let now = tools.clock.now();
         self.carried(tools, now).await?;
         while let Some(told) = self.hooks.try_join_next() {
             self.told(tools, told, now).await?;
         }
-        let resting = stopping || mode == Mode::Pause;
-        self.previews.turn(tools, if resting { Room::None } else { room }).await?;
+        let resting = stopping || mode == QueueMode::Pause;
+        self.previews.turn(tools, if resting { PreviewCapacity::None } else { room }).await?;
         // Nothing runs beside a suspect.
-        self.verifications.turn(tools, resting || room == Room::None).await?;
+        self.verifications.turn(tools, resting || room == PreviewCapacity::None).await?;
         self.virtual_cloud.turn(tools, stopping).await;
         if stopping {
             return Ok(());
@@ -85,7 +91,7 @@ impl Aftermath {
     }
 
     /// Removes the records of what ended long ago, now and then.
-    fn start_purge(&mut self, tools: &Tools, now: Millis) {
+    fn start_purge(&mut self, tools: &EngineContext, now: Millis) {
         let Some(keep) = tools.config.keep else { return };
         let resting = (0..PURGING).contains(&(now - self.purged_at));
         if resting || self.purging.as_ref().is_some_and(|purging| !purging.is_finished()) {
@@ -103,7 +109,7 @@ impl Aftermath {
         }));
     }
 
-    async fn start_carrying(&mut self, tools: &Tools, now: Millis) -> Result<()> {
+    async fn start_carrying(&mut self, tools: &EngineContext, now: Millis) -> Result<()> {
         if self.carrying.is_some() {
             return Ok(());
         }
@@ -113,7 +119,7 @@ impl Aftermath {
             }
             let inputs = tools.store.inputs(job.id).await?;
             let begun = tools.store.begin_sources(job.id).await?;
-            let plan = Plan::new(&tools.config, &job, what, inputs);
+            let plan = SourceActionPlan::new(&tools.config, &job, what, inputs);
             let (disk, cancel, bell) = (tools.disk.clone(), self.cancel.clone(), tools.bell.clone());
             let carrying = tokio::task::spawn_blocking(move || {
                 let done = sources::put_away(&plan, &disk, &cancel);
@@ -126,28 +132,30 @@ impl Aftermath {
         Ok(())
     }
 
-    async fn carried(&mut self, tools: &Tools, now: Millis) -> Result<()> {
+    async fn carried(&mut self, tools: &EngineContext, now: Millis) -> Result<()> {
         if !self.carrying.as_ref().is_some_and(|carrying| carrying.done.is_finished()) {
             return Ok(());
         }
         let Some(Carrying { job, begun, done }) = self.carrying.take() else { return Ok(()) };
-        let done = done.await.unwrap_or_else(|e| Err(Left::ForNow(format!("moving it failed: {e}"))));
+        let done = done.await.unwrap_or_else(|e| Err(NotMoved::ForNow(format!("moving it failed: {e}"))));
         let (outcome, at, kind, detail) = match done {
-            Ok(PutAway::Moved(to)) => {
+            Ok(SourceActionOutcome::Moved(to)) => {
                 let to = to.to_string_lossy().into_owned();
                 ("moved", Some(to.clone()), "sources moved", format!("to {to}"))
             }
-            Ok(PutAway::Removed) => ("deleted", Some(String::new()), "sources deleted", String::new()),
+            Ok(SourceActionOutcome::Removed) => {
+                ("deleted", Some(String::new()), "sources deleted", String::new())
+            }
             // Perhaps by us, before a crash: what stands for it may be all there is.
-            Ok(PutAway::Gone) => {
+            Ok(SourceActionOutcome::Gone) => {
                 ("gone", Some(String::new()), "sources gone", "they were not there any more".to_string())
             }
-            Err(Left::ForGood(why)) => {
+            Err(NotMoved::ForGood(why)) => {
                 tracing::warn!(job, why, "its sources stay");
                 // What lies there may be another's, and the earlier gone before a crash.
                 ("kept", begun.then(String::new), "sources kept", why)
             }
-            Err(Left::ForNow(why)) => {
+            Err(NotMoved::ForNow(why)) => {
                 // Said once, though it is tried every minute.
                 if self.later.insert(job, now + AGAIN).is_none() {
                     tracing::warn!(job, why, "its sources stay for now");
@@ -163,7 +171,7 @@ impl Aftermath {
         Ok(())
     }
 
-    async fn start_hooks(&mut self, tools: &Tools, now: Millis) -> Result<()> {
+    async fn start_hooks(&mut self, tools: &EngineContext, now: Millis) -> Result<()> {
         let nobody: Vec<State> = [State::Done, State::Failed, State::Quarantined]
             .into_iter()
             .filter(|end| hook::of(&tools.config, *end).is_none())
@@ -184,7 +192,7 @@ impl Aftermath {
         Ok(())
     }
 
-    fn start_hook(&mut self, tools: &Tools, telling: Telling) {
+    fn start_hook(&mut self, tools: &EngineContext, telling: PendingHook) {
         let (job, end) = (telling.job.id, telling.end);
         let Some(program) = hook::of(&tools.config, end).cloned() else { return };
         // It is told where the sources are, so they come first, if they can.
@@ -204,8 +212,8 @@ impl Aftermath {
 
     async fn told(
         &mut self,
-        tools: &Tools,
-        told: std::result::Result<(JobId, State, Ended, String), tokio::task::JoinError>,
+        tools: &EngineContext,
+        told: std::result::Result<(JobId, State, HookEnd, String), tokio::task::JoinError>,
         now: Millis,
     ) -> Result<()> {
         let (job, end, ended, text) = match told {
@@ -218,8 +226,8 @@ impl Aftermath {
             }
         };
         match ended {
-            Ended::Well => tracing::info!(job, text, "hook"),
-            Ended::Badly | Ended::TooLate => tracing::warn!(job, text, "the hook failed"),
+            HookEnd::Well => tracing::info!(job, text, "hook"),
+            HookEnd::Badly | HookEnd::TooLate => tracing::warn!(job, text, "the hook failed"),
         }
         tools.metrics.hooks.with_label_values(&[ended.name()]).inc();
         // Also where the record fails: it is then told once more.
@@ -229,11 +237,11 @@ impl Aftermath {
 
     /// Waits for what runs until `end`, and kills it then. It is still owed, and
     /// begun again at the next start.
-    pub async fn stop(&mut self, tools: &Tools, end: Millis) {
+    pub async fn stop(&mut self, tools: &EngineContext, end: Millis) {
         self.cancel.cancel();
         self.previews.stop();
         while self.carrying.is_some() || !self.hooks.is_empty() || self.previews.are_at_work() {
-            if let Err(error) = self.turn(tools, Room::None, true, Mode::Run).await {
+            if let Err(error) = self.turn(tools, PreviewCapacity::None, true, QueueMode::Run).await {
                 tracing::error!(%error, "while stopping");
             }
             if tools.clock.now() >= end {

@@ -11,7 +11,7 @@ use tokio::process::Command;
 use crate::serve::config::Config;
 use crate::serve::config::hook::Hook;
 use crate::serve::job::State;
-use crate::serve::queue::Telling;
+use crate::serve::queue::PendingHook;
 
 /// Bytes of its last words that are kept.
 const TAIL: usize = 2048;
@@ -21,19 +21,19 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// How a hook ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ended {
+pub(super) enum HookEnd {
     Well,
     Badly,
     TooLate,
 }
 
-impl Ended {
+impl HookEnd {
     /// For the metrics.
     pub fn name(self) -> &'static str {
         match self {
-            Ended::Well => "ok",
-            Ended::Badly => "failed",
-            Ended::TooLate => "timeout",
+            HookEnd::Well => "ok",
+            HookEnd::Badly => "failed",
+            HookEnd::TooLate => "timeout",
         }
     }
 }
@@ -44,7 +44,7 @@ pub(super) fn of(config: &Config, end: State) -> Option<&Hook> {
 }
 
 /// What the program is told.
-pub(super) fn environment(config: &Config, telling: &Telling) -> Vec<(&'static str, String)> {
+pub(super) fn environment(config: &Config, telling: &PendingHook) -> Vec<(&'static str, String)> {
     let job = &telling.job;
     let octree = match telling.end {
         State::Done => config.octrees().join(&job.name).to_string_lossy().into_owned(),
@@ -71,7 +71,7 @@ pub(super) async fn run(
     hook: &Hook,
     environment: Vec<(&'static str, String)>,
     limit: Duration,
-) -> (Ended, String) {
+) -> (HookEnd, String) {
     let mut command = Command::new(hook.program());
     command.args(hook.arguments()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     for (name, _) in std::env::vars_os() {
@@ -86,9 +86,9 @@ pub(super) async fn run(
     command.envs(environment).process_group(0);
     let mut child = match command.spawn() {
         Ok(child) => child,
-        Err(error) => return (Ended::Badly, format!("{} could not be started: {error}", hook.program())),
+        Err(error) => return (HookEnd::Badly, format!("{} could not be started: {error}", hook.program())),
     };
-    let group = Group(child.id().and_then(|id| Pid::from_raw(id as i32)));
+    let group = ProcessGroup(child.id().and_then(|id| Pid::from_raw(id as i32)));
     let stderr = child.stderr.take();
     let mut last_words = Vec::new();
     let ended = {
@@ -121,13 +121,13 @@ pub(super) async fn run(
 
 type Waited = Result<std::io::Result<ExitStatus>, tokio::time::error::Elapsed>;
 
-fn tell(hook: &Hook, ended: Waited, limit: Duration, last_words: &[u8]) -> (Ended, String) {
+fn tell(hook: &Hook, ended: Waited, limit: Duration, last_words: &[u8]) -> (HookEnd, String) {
     let program = hook.program();
     let (ended, mut text) = match ended {
-        Ok(Ok(status)) if status.success() => (Ended::Well, format!("{program}: done")),
-        Ok(Ok(status)) => (Ended::Badly, format!("{program}: {status}")),
-        Ok(Err(error)) => (Ended::Badly, format!("{program}: {error}")),
-        Err(_) => (Ended::TooLate, format!("{program}: killed after {} s", limit.as_secs_f64())),
+        Ok(Ok(status)) if status.success() => (HookEnd::Well, format!("{program}: done")),
+        Ok(Ok(status)) => (HookEnd::Badly, format!("{program}: {status}")),
+        Ok(Err(error)) => (HookEnd::Badly, format!("{program}: {error}")),
+        Err(_) => (HookEnd::TooLate, format!("{program}: killed after {} s", limit.as_secs_f64())),
     };
     let said = String::from_utf8_lossy(last_words);
     if !said.trim().is_empty() {
@@ -150,9 +150,9 @@ async fn read_tail(from: Option<impl AsyncRead + Unpin>, tail: &mut Vec<u8>) {
 }
 
 /// The processes of one hook; killed when this is dropped before it is forgotten.
-struct Group(Option<Pid>);
+struct ProcessGroup(Option<Pid>);
 
-impl Group {
+impl ProcessGroup {
     fn kill(&self) {
         if let Some(group) = self.0 {
             // It may have ended in this moment.
@@ -165,7 +165,7 @@ impl Group {
     }
 }
 
-impl Drop for Group {
+impl Drop for ProcessGroup {
     fn drop(&mut self) {
         self.kill();
     }
@@ -180,7 +180,7 @@ mod tests {
         Hook::new(vec!["/bin/sh".into(), "-c".into(), script.into()]).expect("a hook")
     }
 
-    async fn run_for(script: &str, seconds: f64) -> (Ended, String) {
+    async fn run_for(script: &str, seconds: f64) -> (HookEnd, String) {
         run(&shell(script), vec![("LODESTONE_NAME", "a; b $c".into())], Duration::from_secs_f64(seconds))
             .await
     }
@@ -188,11 +188,11 @@ mod tests {
     #[tokio::test]
     async fn it_is_told_by_its_environment_and_its_last_words_are_kept() {
         let (ended, text) = run_for("echo \"$LODESTONE_NAME\" >&2; exit 3", 60.0).await;
-        assert_eq!(ended, Ended::Badly);
+        assert_eq!(ended, HookEnd::Badly);
         assert!(text.contains("3") && text.ends_with("it said: a; b $c"), "{text}");
         let (ended, text) =
             run_for("i=0; while [ $i -lt 9000 ]; do echo $i >&2; i=$((i+1)); done", 60.0).await;
-        assert_eq!(ended, Ended::Well);
+        assert_eq!(ended, HookEnd::Well);
         assert!(text.ends_with("8999") && text.len() < TAIL + 100, "{text}");
     }
 
@@ -204,7 +204,7 @@ mod tests {
         let script = format!("(while :; do date > {}; sleep 0.02; done) & sleep 3600", alive.display());
         let start = Instant::now();
         let (ended, text) = run_for(&script, 0.5).await;
-        assert_eq!(ended, Ended::TooLate, "{text}");
+        assert_eq!(ended, HookEnd::TooLate, "{text}");
         assert!(start.elapsed() < Duration::from_secs(60));
         let _ = std::fs::remove_file(&alive);
         tokio::time::sleep(Duration::from_millis(300)).await;
@@ -214,10 +214,10 @@ mod tests {
     #[tokio::test]
     async fn one_that_closes_its_stderr_is_still_waited_for() {
         let (ended, _) = run_for("exec 2>&-; sleep 0.2; exit 7", 60.0).await;
-        assert_eq!(ended, Ended::Badly);
+        assert_eq!(ended, HookEnd::Badly);
         let (ended, text) =
             run(&Hook::new(vec!["/no/such/program".into()]).expect("a hook"), vec![], LAST_WORDS).await;
-        assert_eq!(ended, Ended::Badly);
+        assert_eq!(ended, HookEnd::Badly);
         assert!(text.contains("/no/such/program could not be started"), "{text}");
     }
 }

@@ -29,4 +29,4 @@ mod virtual_cloud;
 mod worker;
 
 pub use engine::{Engine, TickSummary};
-pub use tools::Tools;
+pub use tools::EngineContext;

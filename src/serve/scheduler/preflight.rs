@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{Access, access};
 
 use super::folders;
-use super::tools::Tools;
+use super::tools::EngineContext;
 use crate::serve::config::size::Size;
 use crate::serve::config::{Config, LEAST_MEMORY};
-use crate::serve::job::{Input, Job};
-use crate::serve::watch::fingerprint::{Difference, difference};
+use crate::serve::job::{Job, QueuedFile};
+use crate::serve::watch::fingerprint::{SourceChange, difference};
 
 /// Bytes of disk a point may need at worst while it is converted: its record in
 /// a run and in the octree, and the sampled levels above.
@@ -24,34 +24,34 @@ const BYTES_A_BYTE: u64 = 16;
 
 /// Large data sets do not stand in the way of small ones: each has its lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Lane {
+pub(super) enum SizeClass {
     Heavy,
     Light,
 }
 
-impl Lane {
-    pub fn of(job: &Job, config: &Config) -> Lane {
-        if config.light_jobs > 0 && Lane::Light.sizes(config).contains(&job.bytes) {
-            Lane::Light
+impl SizeClass {
+    pub fn of(job: &Job, config: &Config) -> SizeClass {
+        if config.light_jobs > 0 && SizeClass::Light.sizes(config).contains(&job.bytes) {
+            SizeClass::Light
         } else {
-            Lane::Heavy
+            SizeClass::Heavy
         }
     }
 
     /// Bytes of input of the jobs in it.
     pub fn sizes(self, config: &Config) -> RangeInclusive<u64> {
         match self {
-            Lane::Heavy if config.light_jobs == 0 => 0..=u64::MAX,
-            Lane::Heavy => config.light_bytes.saturating_add(1)..=u64::MAX,
-            Lane::Light => 0..=config.light_bytes,
+            SizeClass::Heavy if config.light_jobs == 0 => 0..=u64::MAX,
+            SizeClass::Heavy => config.light_bytes.saturating_add(1)..=u64::MAX,
+            SizeClass::Light => 0..=config.light_bytes,
         }
     }
 
     /// Jobs that may run side by side in it.
     pub fn width(self, config: &Config) -> usize {
         match self {
-            Lane::Heavy => config.heavy_jobs,
-            Lane::Light => config.light_jobs,
+            SizeClass::Heavy => config.heavy_jobs,
+            SizeClass::Light => config.light_jobs,
         }
     }
 
@@ -61,8 +61,8 @@ impl Lane {
         let light_jobs = config.light_jobs as u64;
         let light = (config.memory_limit / 4 / light_jobs.max(1)).max(LEAST_MEMORY);
         match self {
-            Lane::Light => light,
-            Lane::Heavy => {
+            SizeClass::Light => light,
+            SizeClass::Heavy => {
                 let rest = config.memory_limit.saturating_sub(light * light_jobs);
                 (rest / config.heavy_jobs as u64).max(LEAST_MEMORY)
             }
@@ -79,23 +79,23 @@ pub(super) fn room(job: &Job) -> u64 {
 }
 
 /// Why a job's inputs cannot be read as they were queued, if so.
-pub(super) fn input_trouble(inputs: &[Input]) -> Option<String> {
+pub(super) fn input_trouble(inputs: &[QueuedFile]) -> Option<String> {
     inputs.iter().find_map(|input| match difference(input)? {
-        Difference::Missing => Some(format!("{} is not there (a missing mount?)", input.path.display())),
-        Difference::Changed => {
+        SourceChange::Missing => Some(format!("{} is not there (a missing mount?)", input.path.display())),
+        SourceChange::Changed => {
             Some(format!("{} has changed; waiting until it is quiet", input.path.display()))
         }
     })
 }
 
 /// Why a job must wait for its disks, if so.
-pub(super) fn disk_trouble(job: &Job, in_hand: &[(Lane, u64)], tools: &Tools) -> Option<String> {
+pub(super) fn disk_trouble(job: &Job, in_hand: &[(SizeClass, u64)], tools: &EngineContext) -> Option<String> {
     // What runs in the heavy lane has room set apart for all of its work, though
     // part of that is used already: rather wait than run into a full disk. A
     // light job needs too little to be held by that.
-    let set_apart: u64 = match Lane::of(job, &tools.config) {
-        Lane::Heavy => in_hand.iter().map(|(_, room)| *room).fold(0, u64::saturating_add),
-        Lane::Light => 0,
+    let set_apart: u64 = match SizeClass::of(job, &tools.config) {
+        SizeClass::Heavy => in_hand.iter().map(|(_, room)| *room).fold(0, u64::saturating_add),
+        SizeClass::Light => 0,
     };
     // What an earlier attempt left, this one goes on from: a job must not be kept
     // from its end by its own beginning.
@@ -147,12 +147,12 @@ fn allocated(folder: &Path) -> u64 {
 
 /// The first input that is not what it was when the job was queued. One that is
 /// gone was read to its end before, and does not matter.
-pub(super) fn changed(inputs: &[Input]) -> Option<PathBuf> {
+pub(super) fn changed(inputs: &[QueuedFile]) -> Option<PathBuf> {
     // A file that was only renamed or given to somebody else was read all the same;
     // its content is proved where more than an octree hangs on it.
     let changed = inputs.iter().find(|input| {
-        let plain = Input { inode: 0, ctime_ns: 0, ..(*input).clone() };
-        difference(&plain) == Some(Difference::Changed)
+        let plain = QueuedFile { inode: 0, ctime_ns: 0, ..(*input).clone() };
+        difference(&plain) == Some(SourceChange::Changed)
     });
     changed.map(|input| input.path.clone())
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::converter::Failure;
 use super::folders::staging;
-use super::tools::Tools;
+use super::tools::EngineContext;
 use crate::platform::disk::{Disk, DiskError, inode};
 use crate::serve::job::Job;
 use crate::serve::queue::StoreError;
@@ -21,7 +21,7 @@ const TRIES: usize = 8;
 /// Brings the octree whose folder has this inode into its place. May be called
 /// again after a crash at any point. Where something stands there that must not be
 /// replaced, the job gets another name first.
-pub(super) async fn publish(tools: &Tools, job: &Job, staged: u64) -> Result<(), Failure> {
+pub(super) async fn publish(tools: &EngineContext, job: &Job, staged: u64) -> Result<(), Failure> {
     let (from, octrees) = (staging(&tools.config, job.id), tools.config.octrees());
     let mut name = job.name.clone();
     for _ in 0..TRIES {

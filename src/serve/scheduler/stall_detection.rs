@@ -1,13 +1,13 @@
 //! A run that stands still is stopped, and given up where it does not stop. Only
 //! standing still counts: a job that moves may run for a month.
 
-use super::engine::{Engine, Running};
+use super::engine::{Engine, RunningJob};
 use super::standstill::reason;
-use super::stop::{Stop, wish_end};
+use super::stop::{StopReason, wish_end};
 use crate::platform::clock::Millis;
 use crate::serve::job::Job;
-use crate::serve::job::retry_policy::End;
-use crate::serve::queue::{Ending, Result};
+use crate::serve::job::retry_policy::AttemptEnd;
+use crate::serve::queue::{AttemptResult, Result};
 
 /// Why a job waits whose old run has not ended: two runs would write into the
 /// same folders.
@@ -29,7 +29,7 @@ impl Engine {
             return Some(HANGS);
         }
         let limit = self.tools.config.stall.unwrap_or(LONGEST_STOP).max(GRACE);
-        let counts = |run: &Running| run.stop.is_none() || run.pulse.stopping < limit;
+        let counts = |run: &RunningJob| run.stop.is_none() || run.pulse.stopping < limit;
         self.running.values().any(|run| run.job.source == job.source && counts(run)).then_some(STOPPING)
     }
 
@@ -43,16 +43,16 @@ impl Engine {
                 None if still => {
                     tracing::error!(job, name = running.job.name, "{}; stopping it", reason(stall));
                     self.tools.metrics.jobs_stalled.inc();
-                    running.stop = Some(Stop::Stalled);
+                    running.stop = Some(StopReason::Stalled);
                     running.pulse.stop();
                     running.cancel.cancel();
                 }
                 // An operator may have called it off meanwhile, or seen it first.
-                Some(Stop::Stalled) if running.pulse.stopping >= GRACE => {
-                    dead.push((*job, Ending { end: End::Crashed, error: Some(reason(stall)) }));
+                Some(StopReason::Stalled) if running.pulse.stopping >= GRACE => {
+                    dead.push((*job, AttemptResult { end: AttemptEnd::Crashed, error: Some(reason(stall)) }));
                 }
-                Some(Stop::Wish(wish)) if still && running.pulse.stopping >= GRACE => {
-                    dead.push((*job, Ending { end: wish_end(wish), error: None }));
+                Some(StopReason::Wish(wish)) if still && running.pulse.stopping >= GRACE => {
+                    dead.push((*job, AttemptResult { end: wish_end(wish), error: None }));
                 }
                 _ => {}
             }

@@ -8,7 +8,7 @@ const LONGEST_LOOK: Millis = 10_000;
 
 /// How long a run has stood still, as far as we have looked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Pulse {
+pub(super) struct StallTimer {
     moved_at: Millis,
     looked_at: Millis,
     pub still: Millis,
@@ -16,9 +16,9 @@ pub(super) struct Pulse {
     pub stopping: Millis,
 }
 
-impl Pulse {
-    pub fn new(now: Millis) -> Pulse {
-        Pulse { moved_at: now, looked_at: now, still: 0, stopping: 0 }
+impl StallTimer {
+    pub fn new(now: Millis) -> StallTimer {
+        StallTimer { moved_at: now, looked_at: now, still: 0, stopping: 0 }
     }
 
     /// Notes one look at a run whose progress last moved at `moved_at`.
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn only_standing_still_counts_and_no_jump_of_the_clock() {
-        let mut pulse = Pulse::new(0);
+        let mut pulse = StallTimer::new(0);
         for now in 1..=100 {
             pulse.feel(now * 1000, now * 1000);
         }

@@ -5,17 +5,17 @@
 use std::sync::Arc;
 
 use super::converter::Work;
-use super::engine::{Engine, Running};
-use super::preflight::{self, Lane};
-use super::preview::Room;
-use super::standstill::Pulse;
+use super::engine::{Engine, RunningJob};
+use super::preflight::{self, SizeClass};
+use super::preview::PreviewCapacity;
+use super::standstill::StallTimer;
 use super::{folders, worker};
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::convert::options::Options;
 use crate::platform::clock::Millis;
-use crate::serve::job::retry_policy::End;
-use crate::serve::job::{Input, Job};
-use crate::serve::queue::{Ending, Result};
+use crate::serve::job::retry_policy::AttemptEnd;
+use crate::serve::job::{Job, QueuedFile};
+use crate::serve::queue::{AttemptResult, Result};
 
 /// How many waiting jobs are looked at for one that fits.
 const LOOK_AHEAD: i64 = 1000;
@@ -56,7 +56,7 @@ impl Engine {
                 return Ok((0, 0));
             }
         }
-        for lane in [Lane::Heavy, Lane::Light] {
+        for lane in [SizeClass::Heavy, SizeClass::Light] {
             let mut looked_at = 0;
             for limit in [FIRST_LOOK, LOOK_AHEAD] {
                 if !self.is_free(lane) {
@@ -101,7 +101,7 @@ impl Engine {
             }
             let Some(job) = self.tools.store.claim(job.id, &self.owner, now).await? else { continue };
             tracing::info!(job = job.id, name = job.name, "runs alone, for the daemon died while it ran");
-            let (id, lane) = (job.id, Lane::of(&job, &self.tools.config));
+            let (id, lane) = (job.id, SizeClass::of(&job, &self.tools.config));
             self.start_claimed(job, lane, inputs, now).await?;
             self.running.entry(id).and_modify(|running| running.alone = true);
             return Ok(Suspects::Started);
@@ -110,18 +110,18 @@ impl Engine {
     }
 
     /// What room there is for pictures.
-    pub(super) fn room(&self) -> Room {
+    pub(super) fn room(&self) -> PreviewCapacity {
         if self.makes_room || self.running.values().any(|running| running.alone) {
-            Room::None
+            PreviewCapacity::None
         } else if self.running.is_empty() {
-            Room::All
+            PreviewCapacity::All
         } else {
-            Room::Some
+            PreviewCapacity::Some
         }
     }
 
     /// Starts a job, or says why it does not start yet.
-    async fn try_start(&mut self, job: Job, lane: Lane, now: Millis) -> Result<bool> {
+    async fn try_start(&mut self, job: Job, lane: SizeClass, now: Millis) -> Result<bool> {
         let Some((job, inputs)) = self.fit(job, now).await? else { return Ok(false) };
         let Some(job) = self.tools.store.claim(job.id, &self.owner, now).await? else { return Ok(false) };
         self.start_claimed(job, lane, inputs, now).await?;
@@ -129,11 +129,17 @@ impl Engine {
     }
 
     /// A job whose options cannot be had fails; none runs with others in their place.
-    async fn start_claimed(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, now: Millis) -> Result<()> {
+    async fn start_claimed(
+        &mut self,
+        job: Job,
+        lane: SizeClass,
+        inputs: Vec<QueuedFile>,
+        now: Millis,
+    ) -> Result<()> {
         match options_of(&job) {
             Ok(options) => self.start(job, lane, inputs, options, now),
             Err(error) => {
-                let ending = Ending { end: End::Hopeless, error: Some(error) };
+                let ending = AttemptResult { end: AttemptEnd::Hopeless, error: Some(error) };
                 self.tools.store.finish(job.id, &self.owner, &ending, &self.tools.config.policy, now).await?;
                 tracing::error!(job = job.id, name = job.name, error = ending.error, "failed");
             }
@@ -143,7 +149,7 @@ impl Engine {
 
     /// A job with its inputs, where nothing holds it; otherwise the queue is told what
     /// does.
-    async fn fit(&self, job: Job, now: Millis) -> Result<Option<(Job, Vec<Input>)>> {
+    async fn fit(&self, job: Job, now: Millis) -> Result<Option<(Job, Vec<QueuedFile>)>> {
         let store = &self.tools.store;
         if let Some(reason) = self.waits_for_a_run(&job) {
             if job.hold.as_deref() != Some(reason) {
@@ -152,7 +158,7 @@ impl Engine {
             return Ok(None);
         }
         let inputs = store.inputs(job.id).await?;
-        let in_hand: Vec<(Lane, u64)> =
+        let in_hand: Vec<(SizeClass, u64)> =
             self.running.values().map(|r| (r.lane, preflight::room(&r.job))).collect();
         let trouble = preflight::input_trouble(&inputs);
         let is_input = trouble.is_some();
@@ -167,7 +173,14 @@ impl Engine {
         Ok(Some((job, inputs)))
     }
 
-    fn start(&mut self, job: Job, lane: Lane, inputs: Vec<Input>, mut options: Options, now: Millis) {
+    fn start(
+        &mut self,
+        job: Job,
+        lane: SizeClass,
+        inputs: Vec<QueuedFile>,
+        mut options: Options,
+        now: Millis,
+    ) {
         let config = &self.tools.config;
         tracing::info!(job = job.id, name = job.name, files = inputs.len(), bytes = job.bytes, "converting");
         let (cancel, progress) = (Cancel::default(), Arc::new(Progress::default()));
@@ -187,7 +200,15 @@ impl Engine {
         let id = job.id;
         self.running.insert(
             id,
-            Running { job, lane, cancel, stop: None, beat_at: now, pulse: Pulse::new(now), alone: false },
+            RunningJob {
+                job,
+                lane,
+                cancel,
+                stop: None,
+                beat_at: now,
+                pulse: StallTimer::new(now),
+                alone: false,
+            },
         );
         worker::start(
             id,
@@ -199,7 +220,7 @@ impl Engine {
         );
     }
 
-    fn is_free(&self, lane: Lane) -> bool {
+    fn is_free(&self, lane: SizeClass) -> bool {
         self.running.values().filter(|running| running.lane == lane).count() < lane.width(&self.tools.config)
     }
 }

@@ -1,12 +1,12 @@
 //! Why a run was stopped, and what its end is called then.
 
-use crate::serve::job::Wish;
-use crate::serve::job::retry_policy::End;
+use crate::serve::job::ControlRequest;
+use crate::serve::job::retry_policy::AttemptEnd;
 
 /// Why the engine stopped a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stop {
-    Wish(Wish),
+pub(super) enum StopReason {
+    Wish(ControlRequest),
     /// It is to go on later: the daemon stops, or everything is paused.
     Shutdown,
     /// It stood still.
@@ -14,9 +14,9 @@ pub(super) enum Stop {
 }
 
 /// The end of a run that an operator stopped.
-pub(super) fn wish_end(wish: Wish) -> End {
+pub(super) fn wish_end(wish: ControlRequest) -> AttemptEnd {
     match wish {
-        Wish::Cancel => End::Cancelled,
-        Wish::Pause => End::Paused,
+        ControlRequest::Cancel => AttemptEnd::Cancelled,
+        ControlRequest::Pause => AttemptEnd::Paused,
     }
 }

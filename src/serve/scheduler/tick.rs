@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use super::engine::{Engine, TickSummary};
 use super::folders::scratch_of;
-use super::stop::{Stop, wish_end};
+use super::stop::{StopReason, wish_end};
 use super::{cleanup, publish};
 use crate::convert::checkpoint::scratch::units_done;
 use crate::platform::clock::Millis;
 use crate::serve::job::Job;
-use crate::serve::job::retry_policy::End;
-use crate::serve::queue::{Ending, Mode, Recovered, Result};
+use crate::serve::job::retry_policy::AttemptEnd;
+use crate::serve::queue::{AttemptResult, QueueMode, Recovered, Result};
 
 /// How often a running job's progress is noted in the queue, in milliseconds.
 const HEARTBEAT: Millis = 10_000;
@@ -41,10 +41,10 @@ impl Engine {
     async fn recover_staged(&mut self, job: Job) -> Result<()> {
         let id = job.id;
         let end = match publish::publish(&self.tools, &job, job.staged.unwrap_or(0)).await {
-            Ok(()) => Ending { end: End::Published, error: None },
+            Ok(()) => AttemptResult { end: AttemptEnd::Published, error: None },
             Err(failure) => {
-                let end = if failure.may_pass { End::Passing } else { End::Crashed };
-                Ending { end, error: Some(failure.message) }
+                let end = if failure.may_pass { AttemptEnd::Passing } else { AttemptEnd::Crashed };
+                AttemptResult { end, error: Some(failure.message) }
             }
         };
         tracing::info!(job = id, name = job.name, "was converted before the daemon died; publishing it");
@@ -70,12 +70,12 @@ impl Engine {
         let ended = self.record_ended().await?;
         self.pass_on_wishes().await?;
         let mode = self.tools.store.mode().await?;
-        if mode == Mode::Pause {
+        if mode == QueueMode::Pause {
             self.return_to_queue();
         }
         self.look_at_progress().await?;
         self.give_up_the_dead().await?;
-        let starts = mode == Mode::Run && !self.stopping;
+        let starts = mode == QueueMode::Run && !self.stopping;
         let (started, held) = if starts { self.start_ready().await? } else { (0, 0) };
         self.aftermath.turn(&self.tools, self.room(), self.stopping, mode).await?;
         let now = self.tools.clock.now();
@@ -151,7 +151,7 @@ impl Engine {
     pub async fn stop(&mut self) {
         self.stopping = true;
         for running in self.running.values_mut() {
-            running.stop.get_or_insert(Stop::Shutdown);
+            running.stop.get_or_insert(StopReason::Shutdown);
             running.cancel.cancel();
         }
         let end = self.tools.clock.now() + self.tools.config.shutdown;
@@ -163,10 +163,10 @@ impl Engine {
         }
         for (job, running) in std::mem::take(&mut self.running) {
             let end = match running.stop {
-                Some(Stop::Wish(wish)) => wish_end(wish),
-                _ => End::Parked,
+                Some(StopReason::Wish(wish)) => wish_end(wish),
+                _ => AttemptEnd::Parked,
             };
-            let ending = Ending { end, error: None };
+            let ending = AttemptResult { end, error: None };
             let now = self.tools.clock.now();
             let policy = &self.tools.config.policy;
             match self.tools.store.finish(job, &self.owner, &ending, policy, now).await {

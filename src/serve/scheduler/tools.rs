@@ -10,14 +10,14 @@ use crate::platform::disk::Disk;
 use crate::serve::config::Config;
 use crate::serve::metrics::Metrics;
 use crate::serve::queue::Store;
-use crate::serve::queue::progress::Board;
+use crate::serve::queue::progress::ProgressRegistry;
 
 /// What the engine works with.
 #[derive(Clone)]
-pub struct Tools {
+pub struct EngineContext {
     pub config: Arc<Config>,
     pub store: Store,
-    pub board: Board,
+    pub board: ProgressRegistry,
     pub metrics: Metrics,
     pub clock: Clock,
     pub disk: Disk,

@@ -8,36 +8,36 @@ use serde_json::{Value, json};
 use tokio::sync::oneshot;
 use tokio::sync::oneshot::error::TryRecvError;
 
-use super::preflight::{self, Lane};
-use super::tools::Tools;
+use super::preflight::{self, SizeClass};
+use super::tools::EngineContext;
 use super::worker;
 use crate::convert::options::{Damaged, Options};
-use crate::serve::job::{Input, Job, JobId};
+use crate::serve::job::{Job, JobId, QueuedFile};
 use crate::serve::queue::Result;
-use crate::verify::{self, Request, Spacing};
+use crate::verify::{self, SpacingRule, VerifyRequest};
 
 /// Attempts; each is begun only if the daemon outlived the one before.
 const ATTEMPTS: u32 = 3;
 /// As pictures: a tenth of what a conversion takes of the processor.
 const STEP_BACK: i32 = 10;
 
-type Found = std::result::Result<Value, String>;
+type VerificationResult = std::result::Result<Value, String>;
 
 #[derive(Default)]
 pub(super) struct Verifications {
-    running: Option<Running>,
+    running: Option<RunningVerification>,
 }
 
-struct Running {
+struct RunningVerification {
     job: JobId,
-    end: oneshot::Receiver<Found>,
+    end: oneshot::Receiver<VerificationResult>,
     /// Kept until the queue has recorded it.
-    ended: Option<Found>,
+    ended: Option<VerificationResult>,
 }
 
 impl Verifications {
     /// Takes note of what was found, and begins what is due.
-    pub async fn turn(&mut self, tools: &Tools, resting: bool) -> Result<()> {
+    pub async fn turn(&mut self, tools: &EngineContext, resting: bool) -> Result<()> {
         if let Some(running) = &mut self.running {
             if running.ended.is_none() {
                 running.ended = match running.end.try_recv() {
@@ -62,7 +62,7 @@ impl Verifications {
         }
     }
 
-    async fn begin(&mut self, tools: &Tools) -> Result<()> {
+    async fn begin(&mut self, tools: &EngineContext) -> Result<()> {
         let Some((job, attempts)) = tools.store.verification_due().await? else { return Ok(()) };
         if attempts >= ATTEMPTS {
             let end = Err(format!("the daemon died over it, {attempts} times"));
@@ -82,37 +82,37 @@ impl Verifications {
             // Its sender is dropped, which is seen at the next turn.
             tracing::debug!(%error, "no thread for a verification");
         }
-        self.running = Some(Running { job: job.id, end, ended: None });
+        self.running = Some(RunningVerification { job: job.id, end, ended: None });
         Ok(())
     }
 
     /// What has not ended is begun again at the next start, as if it had not been.
-    pub async fn abandon(&mut self, tools: &Tools) -> Result<()> {
+    pub async fn abandon(&mut self, tools: &EngineContext) -> Result<()> {
         let Some(running) = self.running.take() else { return Ok(()) };
         tools.store.count_verification(running.job, -1).await
     }
 }
 
 /// Against the files that it was made of, if they are still what they were.
-fn request(tools: &Tools, job: &Job, inputs: &[Input]) -> Request {
+fn request(tools: &EngineContext, job: &Job, inputs: &[QueuedFile]) -> VerifyRequest {
     let options: Options = serde_json::from_value(job.options.clone()).unwrap_or_default();
     let there = !inputs.is_empty() && preflight::input_trouble(inputs).is_none();
     let against: Vec<PathBuf> = inputs.iter().filter(|_| there).map(|input| input.path.clone()).collect();
     let folder = tools.config.octrees().join(&job.name);
     let copc = job.result.as_ref().and_then(|report| report["copc"]["file"].as_str());
-    Request {
+    VerifyRequest {
         octree: match copc {
             Some(file) if !options.format.potree => folder.join(file),
             _ => folder,
         },
         against,
         damaged: options.damaged == Damaged::Keep,
-        memory_limit: Lane::Light.memory(&tools.config),
-        spacing: Spacing::Auto,
+        memory_limit: SizeClass::Light.memory(&tools.config),
+        spacing: SpacingRule::Auto,
     }
 }
 
-fn verified(request: &Request, threads: usize) -> Found {
+fn verified(request: &VerifyRequest, threads: usize) -> VerificationResult {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .thread_name(|number| format!("verify-{number}"))

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use tokio::task::JoinHandle;
 
-use super::tools::Tools;
+use super::tools::EngineContext;
 use crate::convert::context::{Cancel, Context};
 use crate::export::ExportError;
 use crate::export::overview::{self, Place};
@@ -30,13 +30,13 @@ const PAUSE_FACTOR: u128 = 20;
 const MIN_MEMORY: u64 = 128 << 20;
 
 /// Path, bytes, and when each file was last changed.
-type Files = Vec<(PathBuf, u64, Duration)>;
+type FileStates = Vec<(PathBuf, u64, Duration)>;
 
 /// Which files list and overviews are of; nothing if they are to be made anew.
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Known {
-    listed: Option<Files>,
-    shown: Option<Files>,
+    listed: Option<FileStates>,
+    shown: Option<FileStates>,
 }
 
 #[derive(Default)]
@@ -50,7 +50,7 @@ pub(super) struct VirtualCloud {
 
 impl VirtualCloud {
     /// Takes note of what was written, and looks at the folder again if it is time.
-    pub async fn turn(&mut self, tools: &Tools, resting: bool) {
+    pub async fn turn(&mut self, tools: &EngineContext, resting: bool) {
         let now = tools.clock.now();
         if let Some(look) = self.look.take_if(|look| look.is_finished()) {
             let (known, took) = look.await.unwrap_or_else(|error| {
@@ -121,7 +121,7 @@ fn look(folder: &Path, mut known: Known, with_overviews: bool, context: &Context
 }
 
 /// Writes the list and gives what it then has; nothing if it is to be tried again.
-fn write_list(folder: &Path, files: &Files, place: &Place, context: &Context) -> Option<Files> {
+fn write_list(folder: &Path, files: &FileStates, place: &Place, context: &Context) -> Option<FileStates> {
     let (disk, path): (&Disk, _) = (&context.disk, folder.join(NAME));
     if files.is_empty() {
         if path.exists()
@@ -146,7 +146,7 @@ fn write_list(folder: &Path, files: &Files, place: &Place, context: &Context) ->
     list.left_out.is_empty().then(|| files.clone())
 }
 
-fn files(folder: &Path, place: &Place) -> Files {
+fn files(folder: &Path, place: &Place) -> FileStates {
     let stamp = |path: PathBuf| {
         let metadata = std::fs::metadata(&path).ok()?;
         let changed = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use crate::convert::formats::Formats;
     use crate::convert::options::Options;
-    use crate::convert::request::Request;
+    use crate::convert::request::ConversionRequest;
     use crate::convert::run;
     use crate::format::crs;
     use crate::format::las::{LasOptions, LasWriter, Vlr};
@@ -198,7 +198,7 @@ mod tests {
         };
         writer.write(&(0..points).flat_map(record).collect::<Vec<u8>>()).expect("written");
         writer.finish().expect("finished");
-        let request = Request {
+        let request = ConversionRequest {
             inputs: vec![input],
             output: folder.join(name),
             overwrite: false,

@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use tokio::sync::{Notify, mpsc};
 
-use super::converter::{Converter, Failure, Report, Work};
+use super::converter::{ConversionResult, Converter, Failure, Work};
 use crate::convert::context::Context;
 use crate::serve::job::JobId;
 
 /// An ended run.
 #[derive(Debug, Clone)]
-pub(super) struct Finished {
+pub(super) struct FinishedRun {
     pub job: JobId,
-    pub result: Result<Report, Failure>,
+    pub result: Result<ConversionResult, Failure>,
 }
 
 /// Starts a run; its end is sent and the bell rung, whatever happens.
@@ -23,7 +23,7 @@ pub(super) fn start(
     converter: Arc<dyn Converter>,
     work: Work,
     context: Context,
-    sender: mpsc::UnboundedSender<Finished>,
+    sender: mpsc::UnboundedSender<FinishedRun>,
     bell: Arc<Notify>,
 ) {
     let (late_sender, late_bell) = (sender.clone(), bell.clone());
@@ -35,14 +35,14 @@ pub(super) fn start(
         let result = catch_unwind(AssertUnwindSafe(|| converter.convert(&work, &context)))
             .unwrap_or_else(|panic| Err(panicked(&*panic)));
         // The engine may be gone in a shutdown; then nobody wants the result.
-        let _ = sender.send(Finished { job, result });
+        let _ = sender.send(FinishedRun { job, result });
         bell.notify_one();
     };
     let spawned = std::thread::Builder::new().name(format!("job-{job}")).spawn(run);
     if let Err(error) = spawned {
         let message = format!("no thread could be started: {error}");
         let failure = Failure { message, may_pass: true, panicked: false };
-        let _ = late_sender.send(Finished { job, result: Err(failure) });
+        let _ = late_sender.send(FinishedRun { job, result: Err(failure) });
         late_bell.notify_one();
     }
 }

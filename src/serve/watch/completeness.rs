@@ -7,8 +7,8 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::file_stamp::FileStamp;
-use super::settle::{NotYet, Wholeness};
-use super::waiting::Kind;
+use super::settle::{Completeness, NotYet};
+use super::waiting::WaitingKind;
 use super::zeros::{self, Holes};
 use crate::format::las::{LasFile, Layout, Slice};
 use crate::platform::disk::others::{self, Links};
@@ -21,14 +21,14 @@ pub(super) fn begins_as_a_cloud(path: &Path) -> bool {
 }
 
 /// Judges one file.
-pub(super) fn judge(path: &Path) -> Wholeness {
-    let incomplete = |why: String| Wholeness::NotYet(NotYet::new(Kind::Incomplete, why));
+pub(super) fn judge(path: &Path) -> Completeness {
+    let incomplete = |why: String| Completeness::NotYet(NotYet::new(WaitingKind::Incomplete, why));
     if let Some(verdict) = first_word(path) {
         return verdict;
     }
     if let Some(Holes { first, bytes }) = holes_of(path) {
-        return Wholeness::NotYet(NotYet::new(
-            Kind::Zeros,
+        return Completeness::NotYet(NotYet::new(
+            WaitingKind::Zeros,
             format!(
                 "{} has holes: {bytes} bytes of it were never written, the first at {} to {}",
                 path.display(),
@@ -52,9 +52,9 @@ pub(super) fn judge(path: &Path) -> Wholeness {
         return incomplete(format!("{path} holds points that its header does not count (yet)"));
     }
     if !file.header().compressed && ends_in_zeros(&file, points) {
-        return Wholeness::NotYet(NotYet::new(Kind::Zeros, format!("{path} ends in zeros")));
+        return Completeness::NotYet(NotYet::new(WaitingKind::Zeros, format!("{path} ends in zeros")));
     }
-    Wholeness::Whole { points }
+    Completeness::Whole { points }
 }
 
 /// How many bytes of these files are there, and how many are to come by the word
@@ -79,8 +79,8 @@ fn holes_of(path: &Path) -> Option<Holes> {
 }
 
 /// What the first four bytes tell, where they decide.
-fn first_word(path: &Path) -> Option<Wholeness> {
-    let incomplete = |why: String| Some(Wholeness::NotYet(NotYet::new(Kind::Incomplete, why)));
+fn first_word(path: &Path) -> Option<Completeness> {
+    let incomplete = |why: String| Some(Completeness::NotYet(NotYet::new(WaitingKind::Incomplete, why)));
     let mut magic = [0u8; 4];
     let file = others::open_file(path, Links::Refused);
     match file.and_then(|(mut file, _)| file.read_exact(&mut magic)) {
@@ -90,12 +90,12 @@ fn first_word(path: &Path) -> Option<Wholeness> {
             let what = if is_empty { "is empty" } else { "is shorter than a header" };
             return incomplete(format!("{} {what}", path.display()));
         }
-        Err(e) => return Some(Wholeness::Unreadable(format!("{} cannot be read: {e}", path.display()))),
+        Err(e) => return Some(Completeness::Unreadable(format!("{} cannot be read: {e}", path.display()))),
     }
     match &magic {
         b"LASF" => None,
         [0, 0, 0, 0] => incomplete(format!("{} begins with zeros", path.display())),
-        _ => Some(Wholeness::Never(format!("{} is no LAS or LAZ file", path.display()))),
+        _ => Some(Completeness::Never(format!("{} is no LAS or LAZ file", path.display()))),
     }
 }
 

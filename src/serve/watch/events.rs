@@ -18,7 +18,7 @@ use tokio::sync::Notify;
 /// How news of a watched folder comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Mode {
+pub enum NotifyMode {
     /// The system tells us.
     Events,
     /// We look often.
@@ -86,7 +86,7 @@ fn matters(kind: &EventKind) -> bool {
 pub struct Events {
     watcher: Option<notify::RecommendedWatcher>,
     pub hints: Arc<Hints>,
-    pub modes: Vec<(PathBuf, Mode)>,
+    pub modes: Vec<(PathBuf, NotifyMode)>,
 }
 
 impl Events {
@@ -114,12 +114,12 @@ impl Events {
     }
 
     pub fn any_polling(&self) -> bool {
-        self.modes.iter().any(|(_, mode)| *mode == Mode::Polling)
+        self.modes.iter().any(|(_, mode)| *mode == NotifyMode::Polling)
     }
 }
 
-fn mode_of(root: &Path, watcher: &mut Option<notify::RecommendedWatcher>, hints: &Hints) -> Mode {
-    let Some(watcher) = watcher else { return Mode::Polling };
+fn mode_of(root: &Path, watcher: &mut Option<notify::RecommendedWatcher>, hints: &Hints) -> NotifyMode {
+    let Some(watcher) = watcher else { return NotifyMode::Polling };
     // The folder itself may be a link.
     let real = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
     if let Err(error) = watcher.watch(&real, RecursiveMode::Recursive) {
@@ -127,18 +127,18 @@ fn mode_of(root: &Path, watcher: &mut Option<notify::RecommendedWatcher>, hints:
             root = %root.display(), %error,
             "no file events for this folder, it is polled (a watch limit? see fs.inotify.max_user_watches)"
         );
-        return Mode::Polling;
+        return NotifyMode::Polling;
     }
     if is_remote(root) {
         tracing::info!(root = %root.display(), "a network or virtual file system: polled, for its events are incomplete");
-        return Mode::Polling;
+        return NotifyMode::Polling;
     }
     match self_test(root, hints) {
         Some(false) => {
             tracing::warn!(root = %root.display(), "its events do not arrive: polled");
-            Mode::Polling
+            NotifyMode::Polling
         }
-        _ => Mode::Events,
+        _ => NotifyMode::Events,
     }
 }
 

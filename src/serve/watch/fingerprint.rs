@@ -4,14 +4,14 @@
 use std::io::{self, Read};
 
 use super::file_stamp::FileStamp;
-use super::found::Found;
+use super::found::FoundDataSet;
 use super::settle::NotYet;
-use super::waiting::Kind;
+use super::waiting::WaitingKind;
 use super::zeros::ZeroRun;
 use crate::convert::options::Options;
 use crate::format::las::Layout;
 use crate::platform::disk::others::{self, Links};
-use crate::serve::job::Input;
+use crate::serve::job::QueuedFile;
 
 /// Changes whenever the same input and options give other bytes than before.
 const FORMAT: &str = "lodestone octree 1";
@@ -20,16 +20,16 @@ const FORMAT: &str = "lodestone octree 1";
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fingerprint {
     pub content_key: String,
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<QueuedFile>,
     /// Why it may not be whole, though its headers say so.
     pub hollow: Option<NotYet>,
 }
 
 /// Reads all files of a data set. Nothing is returned where one changed
 /// meanwhile: then it is not quiet, and the watcher will see that.
-pub fn fingerprint(found: &Found, options: &Options) -> Option<Fingerprint> {
-    let read: Option<Vec<(Input, Option<NotYet>)>> = found.files.iter().map(input).collect();
-    let (inputs, gaps): (Vec<Input>, Vec<Option<NotYet>>) = read?.into_iter().unzip();
+pub fn fingerprint(found: &FoundDataSet, options: &Options) -> Option<Fingerprint> {
+    let read: Option<Vec<(QueuedFile, Option<NotYet>)>> = found.files.iter().map(input).collect();
+    let (inputs, gaps): (Vec<QueuedFile>, Vec<Option<NotYet>>) = read?.into_iter().unzip();
     let mut hasher = blake3::Hasher::new();
     hasher.update(FORMAT.as_bytes());
     // Field order makes the JSON of equal options equal.
@@ -50,7 +50,7 @@ pub fn fingerprint(found: &Found, options: &Options) -> Option<Fingerprint> {
     Some(Fingerprint { content_key: hasher.finalize().to_hex().to_string(), inputs, hollow })
 }
 
-fn input(file: &FileStamp) -> Option<(Input, Option<NotYet>)> {
+fn input(file: &FileStamp) -> Option<(QueuedFile, Option<NotYet>)> {
     let (hash, gap) = match hash(file) {
         Ok(read) => read,
         // The conversion will fail on it and say why.
@@ -59,7 +59,7 @@ fn input(file: &FileStamp) -> Option<(Input, Option<NotYet>)> {
             (String::new(), None)
         }
     };
-    let input = Input {
+    let input = QueuedFile {
         path: file.path.clone(),
         size: file.size,
         mtime_ns: file.mtime_ns,
@@ -90,7 +90,7 @@ fn hash(stamp: &FileStamp) -> io::Result<(String, Option<NotYet>)> {
     }
     let gap = zeros.and_then(|zeros| zeros.found()).map(|run| {
         NotYet::new(
-            Kind::Zeros,
+            WaitingKind::Zeros,
             format!(
                 "{} has nothing but zeros where points should be, from byte {} to {}, as of a copy that goes on",
                 stamp.path.display(),
@@ -116,7 +116,7 @@ fn fill(file: &mut impl Read, block: &mut [u8]) -> io::Result<usize> {
     Ok(filled)
 }
 
-fn is_unchanged(then: &Input) -> bool {
+fn is_unchanged(then: &QueuedFile) -> bool {
     others::look_at(&then.path, Links::Refused).is_ok_and(|meta| {
         let now = FileStamp::new(&then.path, &meta);
         meta.is_file() && then.is(now.size, now.mtime_ns, now.inode, now.ctime_ns)
@@ -124,15 +124,15 @@ fn is_unchanged(then: &Input) -> bool {
 }
 
 /// How an input differs from what it was when it was taken, where it does.
-pub fn difference(input: &Input) -> Option<Difference> {
+pub fn difference(input: &QueuedFile) -> Option<SourceChange> {
     if !input.path.exists() {
-        return Some(Difference::Missing);
+        return Some(SourceChange::Missing);
     }
-    (!is_unchanged(input)).then_some(Difference::Changed)
+    (!is_unchanged(input)).then_some(SourceChange::Changed)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Difference {
+pub enum SourceChange {
     Missing,
     Changed,
 }
@@ -143,7 +143,7 @@ mod tests {
     use crate::convert::options::Sampling;
     use std::path::Path;
 
-    fn found(folder: &Path, files: &[(&str, &[u8])]) -> Found {
+    fn found(folder: &Path, files: &[(&str, &[u8])]) -> FoundDataSet {
         let files = files
             .iter()
             .map(|(name, bytes)| {
@@ -153,7 +153,7 @@ mod tests {
             })
             .collect();
         let (path, name, stamp) = (folder.to_path_buf(), String::new(), String::new());
-        Found {
+        FoundDataSet {
             path,
             is_folder: true,
             name,

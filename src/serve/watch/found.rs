@@ -7,7 +7,7 @@ use super::marker::Marker;
 
 /// A data set that is quiet and whole (or will not get whole any more).
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct FoundDataSet {
     /// The file or folder in the watched folder.
     pub path: PathBuf,
     pub is_folder: bool,

@@ -3,7 +3,7 @@
 //! Events are hints, scans are the truth: an event only says "look soon", and a
 //! scan at start, after lost events and every so often finds what no event told.
 //! A scan compares what it sees with what it saw ([`settle`] decides when that is
-//! quiet and whole) and hands over [`Found`] data sets. It never changes the
+//! quiet and whole) and hands over [`FoundDataSet`] data sets. It never changes the
 //! folders, and it forgets nothing because something is missing: a mount that is
 //! gone is not "everything deleted".
 //!
@@ -31,14 +31,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::platform::clock::Millis;
 pub use file_stamp::FileStamp;
-pub use found::Found;
-use settle::{Decision, Limits, NotYet, Sight, Wholeness};
-use waiting::{Kind, Waiting};
+pub use found::FoundDataSet;
+use settle::{Completeness, Decision, Limits, NotYet, Observation};
+use waiting::{Waiting, WaitingKind};
 
 /// What a scan saw.
 #[derive(Debug, Default)]
-pub struct Report {
-    pub found: Vec<Found>,
+pub struct ScanResult {
+    pub found: Vec<FoundDataSet>,
     /// Not taken yet, or refused.
     pub waiting: Vec<Waiting>,
     /// Watched folders that are not there now.
@@ -54,7 +54,7 @@ pub struct Watcher {
     /// Folders that are not to be entered: our own.
     excluded: Vec<PathBuf>,
     limits: Limits,
-    sights: HashMap<PathBuf, Sight>,
+    sights: HashMap<PathBuf, Observation>,
     /// Stamps of what is in the queue already.
     known: HashMap<PathBuf, String>,
     /// Counts what it has looked at, so that others see it move.
@@ -92,13 +92,13 @@ impl Watcher {
     /// gets patience then, if it is still the same.
     pub fn doubt(&mut self, path: &Path, stamp: &str, not_yet: NotYet) {
         if let Some(sight) = self.sights.get_mut(path).filter(|sight| sight.is(stamp)) {
-            sight.whole = Some(Wholeness::NotYet(not_yet));
+            sight.whole = Some(Completeness::NotYet(not_yet));
         }
     }
 
     /// Looks at every watched folder once.
-    pub fn scan(&mut self, now: Millis) -> Report {
-        let mut report = Report::default();
+    pub fn scan(&mut self, now: Millis) -> ScanResult {
+        let mut report = ScanResult::default();
         let mut seen = HashSet::new();
         let mut quiet = Vec::new();
         for root in self.roots.clone() {
@@ -130,7 +130,7 @@ impl Watcher {
         candidate: scan::Candidate,
         now: Millis,
         quiet: &mut Vec<scan::Candidate>,
-        report: &mut Report,
+        report: &mut ScanResult,
     ) {
         self.steps.fetch_add(1, Ordering::Relaxed);
         let stamp = candidate.stamp();
@@ -139,13 +139,14 @@ impl Watcher {
         {
             return;
         }
-        let sight = self.sights.entry(candidate.path.clone()).or_insert_with(|| Sight::new(&stamp, now));
+        let sight =
+            self.sights.entry(candidate.path.clone()).or_insert_with(|| Observation::new(&stamp, now));
         sight.see(&stamp, now);
         match settle::is_quiet(sight, candidate.is_closed(), now, &self.limits) {
             Ok(()) => quiet.push(candidate),
             Err(why) => {
                 report.unsettled = true;
-                let waiting = Waiting::new(&candidate.path, Kind::Settling, why).since(sight.since());
+                let waiting = Waiting::new(&candidate.path, WaitingKind::Settling, why).since(sight.since());
                 report.waiting.push(Waiting { bytes: Some(candidate.bytes()), ..waiting });
             }
         }
@@ -153,14 +154,14 @@ impl Watcher {
 
     /// Step two, for what is quiet: is it whole, does someone still write? That
     /// opens files, so it is remembered as long as nothing changes.
-    fn decide(&mut self, quiet: Vec<scan::Candidate>, now: Millis, report: &mut Report) {
+    fn decide(&mut self, quiet: Vec<scan::Candidate>, now: Millis, report: &mut ScanResult) {
         let written = if quiet.is_empty() { Default::default() } else { open_writers::open_for_writing() };
         for candidate in quiet {
             self.steps.fetch_add(1, Ordering::Relaxed);
             let Some(sight) = self.sights.get_mut(&candidate.path) else { continue };
             let whole = match &sight.whole {
                 // Permissions change without the file changing.
-                Some(Wholeness::Unreadable(_)) | None => sight.whole.insert(whole_of(&candidate)).clone(),
+                Some(Completeness::Unreadable(_)) | None => sight.whole.insert(whole_of(&candidate)).clone(),
                 Some(whole) => whole.clone(),
             };
             let writer = candidate.files.iter().any(|file| written.contains(&file.path));
@@ -187,30 +188,30 @@ pub fn is_written(path: &Path) -> bool {
 }
 
 /// Whether all files of a data set are whole.
-fn whole_of(candidate: &scan::Candidate) -> Wholeness {
+fn whole_of(candidate: &scan::Candidate) -> Completeness {
     if let Some(why) = &candidate.unreadable {
-        return Wholeness::Unreadable(why.clone());
+        return Completeness::Unreadable(why.clone());
     }
     if !candidate.partials.is_empty() {
         let why = format!("beside it lies {}", scan::under_way(candidate));
-        return Wholeness::NotYet(NotYet::new(Kind::Partial, why));
+        return Completeness::NotYet(NotYet::new(WaitingKind::Partial, why));
     }
     let mut points = 0u64;
     let mut broken = None;
     for file in &candidate.files {
         match completeness::judge(&file.path) {
-            Wholeness::Whole { points: more } => points = points.saturating_add(more),
-            Wholeness::NotYet(not_yet) => {
+            Completeness::Whole { points: more } => points = points.saturating_add(more),
+            Completeness::NotYet(not_yet) => {
                 let progress = Some(completeness::progress(&candidate.files));
-                return Wholeness::NotYet(NotYet { progress, ..not_yet });
+                return Completeness::NotYet(NotYet { progress, ..not_yet });
             }
-            unreadable @ Wholeness::Unreadable(_) => return unreadable,
-            never @ Wholeness::Never(_) => broken = Some(never),
+            unreadable @ Completeness::Unreadable(_) => return unreadable,
+            never @ Completeness::Never(_) => broken = Some(never),
         }
     }
     // Its options would be lost; better to wait until it is mended.
     if let Some(Err(why)) = candidate.marker.as_ref().map(|marker| &marker.read) {
-        return Wholeness::NotYet(NotYet::new(Kind::Marker, why.clone()));
+        return Completeness::NotYet(NotYet::new(WaitingKind::Marker, why.clone()));
     }
-    broken.unwrap_or(Wholeness::Whole { points })
+    broken.unwrap_or(Completeness::Whole { points })
 }

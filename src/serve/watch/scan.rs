@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FileType, Stat};
 
 use super::file_stamp::FileStamp;
-use super::found::Found;
+use super::found::FoundDataSet;
 use super::marker::{self, Marker};
-use super::waiting::{Kind, Waiting};
+use super::waiting::{Waiting, WaitingKind};
 use super::{completeness, events, foreign, names};
 use crate::format::inputs::DEEPEST_FOLDER;
 use crate::platform::disk::others::{self, Links};
@@ -46,7 +46,7 @@ pub(super) struct Scanned {
 }
 
 impl Scanned {
-    fn refuse(&mut self, path: &Path, kind: Kind, why: impl Into<String>) {
+    fn refuse(&mut self, path: &Path, kind: WaitingKind, why: impl Into<String>) {
         if self.refused.len() < MOST_REFUSED {
             self.refused.push(Waiting::new(path, kind, why));
         }
@@ -57,12 +57,12 @@ impl Scanned {
         if name == marker::NAME {
             let why =
                 "is not read here: a marker lies in the folder of its data set, beside or above its tiles";
-            self.refuse(path, Kind::NotTaken, why);
+            self.refuse(path, WaitingKind::NotTaken, why);
         } else if !name.starts_with('.')
             && !names::is_partial(name)
             && let Some(advice) = foreign::advice(name, in_folder)
         {
-            self.refuse(path, Kind::NotTaken, advice);
+            self.refuse(path, WaitingKind::NotTaken, advice);
         }
     }
 }
@@ -122,7 +122,7 @@ impl Candidate {
         self.files.iter().chain(&self.partials).map(|file| file.size).fold(0, u64::saturating_add)
     }
 
-    pub fn into_found(self, points: u64, doubt: Option<String>) -> Found {
+    pub fn into_found(self, points: u64, doubt: Option<String>) -> FoundDataSet {
         let (marker, refusal) = match &self.marker {
             Some(FoundMarker { read: Ok(marker), .. }) => (Some(marker.clone()), None),
             Some(FoundMarker { read: Err(why), .. }) => (None, Some(why.clone())),
@@ -134,7 +134,7 @@ impl Candidate {
         };
         let stamp = self.stamp();
         let Candidate { path, is_folder, files, .. } = self;
-        Found { path, is_folder, name, files, stamp, marker, points, doubt, refusal }
+        FoundDataSet { path, is_folder, name, files, stamp, marker, points, doubt, refusal }
     }
 }
 
@@ -177,13 +177,16 @@ fn folder(path: PathBuf, inodes: bool, scanned: &mut Scanned) {
     if !candidate.files.is_empty() {
         scanned.candidates.push(candidate);
     } else if !candidate.partials.is_empty() {
-        let waiting =
-            Waiting::new(&candidate.path, Kind::Partial, format!("holds only {}", under_way(&candidate)));
+        let waiting = Waiting::new(
+            &candidate.path,
+            WaitingKind::Partial,
+            format!("holds only {}", under_way(&candidate)),
+        );
         scanned.refused.push(Waiting { bytes: Some(candidate.bytes()), ..waiting });
     } else if let Some(Err(why)) = candidate.marker.map(|marker| marker.read) {
-        scanned.refuse(&candidate.path, Kind::Marker, why);
+        scanned.refuse(&candidate.path, WaitingKind::Marker, why);
     } else if let Some(why) = candidate.unreadable {
-        scanned.refuse(&candidate.path, Kind::Unreadable, why);
+        scanned.refuse(&candidate.path, WaitingKind::Unreadable, why);
     }
 }
 
@@ -245,7 +248,7 @@ fn walk(folder: &Path, depth: Depth, candidate: &mut Candidate, scanned: &mut Sc
                     );
                     // Without what is below, the set would not be whole.
                     candidate.unreadable = Some(format!("{} {why}", path.display()));
-                    scanned.refuse(&path, Kind::Refused, why);
+                    scanned.refuse(&path, WaitingKind::Refused, why);
                 }
             }
             FileType::RegularFile if names::is_cloud(&name) => {
@@ -281,7 +284,7 @@ fn no_file(kind: FileType) -> String {
 fn refuse(path: &Path, name: &str, why: String, scanned: &mut Scanned) {
     // Only what could be a cloud, or hold some, is worth a word.
     if names::is_cloud(name) || !name.contains('.') {
-        scanned.refuse(path, Kind::Refused, why);
+        scanned.refuse(path, WaitingKind::Refused, why);
     }
 }
 

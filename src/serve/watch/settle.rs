@@ -8,7 +8,7 @@
 //! gets patience: a copy may pause for long. After that it is taken as it is, with
 //! the doubt noted: what is in doubt is never put away, for its writer may go on.
 
-use super::waiting::Kind;
+use super::waiting::WaitingKind;
 use crate::platform::clock::Millis;
 
 /// The times that decide, in milliseconds.
@@ -21,7 +21,7 @@ pub struct Limits {
 
 /// What is remembered of a data set between scans.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sight {
+pub struct Observation {
     stamp: String,
     /// When this stamp was first seen.
     since: Millis,
@@ -29,12 +29,12 @@ pub struct Sight {
     times: u32,
     last: Millis,
     /// The judgement of its files; forgotten when the stamp changes.
-    pub whole: Option<Wholeness>,
+    pub whole: Option<Completeness>,
 }
 
 /// What the files say about themselves.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Wholeness {
+pub enum Completeness {
     Whole {
         points: u64,
     },
@@ -50,14 +50,14 @@ pub enum Wholeness {
 /// Why a data set is not whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NotYet {
-    pub kind: Kind,
+    pub kind: WaitingKind,
     pub why: String,
     /// Bytes that are there, and that it is to have where its headers tell.
     pub progress: Option<(u64, Option<u64>)>,
 }
 
 impl NotYet {
-    pub fn new(kind: Kind, why: impl Into<String>) -> NotYet {
+    pub fn new(kind: WaitingKind, why: impl Into<String>) -> NotYet {
         NotYet { kind, why: why.into(), progress: None }
     }
 }
@@ -72,16 +72,16 @@ pub enum Decision {
     Wait(NotYet),
 }
 
-impl Sight {
-    pub fn new(stamp: &str, now: Millis) -> Sight {
-        Sight { stamp: stamp.to_string(), since: now, times: 0, last: now, whole: None }
+impl Observation {
+    pub fn new(stamp: &str, now: Millis) -> Observation {
+        Observation { stamp: stamp.to_string(), since: now, times: 0, last: now, whole: None }
     }
 
     /// Notes one more look.
     pub fn see(&mut self, stamp: &str, now: Millis) {
         // A clock that was set back would make it quiet for ever, or never.
         if self.stamp != stamp || now < self.last {
-            *self = Sight::new(stamp, now);
+            *self = Observation::new(stamp, now);
         }
         self.times += 1;
         self.last = now;
@@ -103,7 +103,7 @@ impl Sight {
 }
 
 /// Whether nothing changed for long enough; otherwise why it waits.
-pub fn is_quiet(sight: &Sight, closed: bool, now: Millis, limits: &Limits) -> Result<(), String> {
+pub fn is_quiet(sight: &Observation, closed: bool, now: Millis, limits: &Limits) -> Result<(), String> {
     if closed {
         return Ok(());
     }
@@ -119,21 +119,29 @@ pub fn is_quiet(sight: &Sight, closed: bool, now: Millis, limits: &Limits) -> Re
 }
 
 /// Whether a quiet data set is taken.
-pub fn decide(sight: &Sight, whole: &Wholeness, writer: bool, now: Millis, limits: &Limits) -> Decision {
+pub fn decide(
+    sight: &Observation,
+    whole: &Completeness,
+    writer: bool,
+    now: Millis,
+    limits: &Limits,
+) -> Decision {
     match whole {
-        _ if writer => Decision::Wait(NotYet::new(Kind::Writing, "a program holds it open for writing")),
-        Wholeness::Whole { points } => Decision::Take { points: *points, doubt: None },
-        Wholeness::Never(why) => Decision::Take { points: 0, doubt: Some(why.clone()) },
-        Wholeness::Unreadable(why) => Decision::Wait(NotYet::new(Kind::Unreadable, why.clone())),
-        Wholeness::NotYet(not_yet)
+        _ if writer => {
+            Decision::Wait(NotYet::new(WaitingKind::Writing, "a program holds it open for writing"))
+        }
+        Completeness::Whole { points } => Decision::Take { points: *points, doubt: None },
+        Completeness::Never(why) => Decision::Take { points: 0, doubt: Some(why.clone()) },
+        Completeness::Unreadable(why) => Decision::Wait(NotYet::new(WaitingKind::Unreadable, why.clone())),
+        Completeness::NotYet(not_yet)
             if sight.times >= 2 && sight.quiet_for(now) >= limits.patience.max(limits.settle) =>
         {
             Decision::Take { points: 0, doubt: Some(not_yet.why.clone()) }
         }
-        Wholeness::NotYet(not_yet) => {
+        Completeness::NotYet(not_yet) => {
             let left = limits.patience.max(limits.settle) - sight.quiet_for(now);
             let why = match not_yet.kind {
-                Kind::Marker => format!("{}; it is waited for {} s more", not_yet.why, seconds(left)),
+                WaitingKind::Marker => format!("{}; it is waited for {} s more", not_yet.why, seconds(left)),
                 _ => format!("not whole yet: {}", not_yet.why),
             };
             Decision::Wait(NotYet { why, ..not_yet.clone() })
@@ -151,23 +159,23 @@ mod tests {
     use proptest::prelude::*;
 
     const LIMITS: Limits = Limits { settle: 5_000, patience: 60_000 };
-    const WHOLE: Wholeness = Wholeness::Whole { points: 7 };
+    const WHOLE: Completeness = Completeness::Whole { points: 7 };
 
-    fn taken(sight: &Sight, whole: &Wholeness, writer: bool, marker: bool, now: Millis) -> bool {
+    fn taken(sight: &Observation, whole: &Completeness, writer: bool, marker: bool, now: Millis) -> bool {
         is_quiet(sight, marker, now, &LIMITS).is_ok()
             && matches!(decide(sight, whole, writer, now, &LIMITS), Decision::Take { .. })
     }
 
-    fn seen(times: &[Millis]) -> Sight {
-        let mut sight = Sight::new("a", times[0]);
+    fn seen(times: &[Millis]) -> Observation {
+        let mut sight = Observation::new("a", times[0]);
         for now in times {
             sight.see("a", *now);
         }
         sight
     }
 
-    fn cut() -> Wholeness {
-        Wholeness::NotYet(NotYet::new(Kind::Incomplete, "cut"))
+    fn cut() -> Completeness {
+        Completeness::NotYet(NotYet::new(WaitingKind::Incomplete, "cut"))
     }
 
     #[test]
@@ -199,7 +207,7 @@ mod tests {
     #[test]
     fn what_never_gets_whole_is_taken_at_once_and_what_may_get_patience() {
         let sight = seen(&[0, 5_000]);
-        assert!(taken(&sight, &Wholeness::Never("no LAS".into()), false, false, 5_000));
+        assert!(taken(&sight, &Completeness::Never("no LAS".into()), false, false, 5_000));
         let cut = cut();
         assert!(!taken(&sight, &cut, false, false, 59_999));
         let Decision::Take { doubt, .. } = decide(&sight, &cut, false, 60_000, &LIMITS) else {
@@ -219,12 +227,12 @@ mod tests {
         ) {
             let ends: Vec<i64> = pauses.iter().scan(0, |at, pause| { *at += pause; Some(*at) }).collect();
             let end = *ends.last().expect("one");
-            let mut sight: Option<Sight> = None;
+            let mut sight: Option<Observation> = None;
             let mut now = 0;
             loop {
                 let stamp = ends.iter().filter(|at| **at <= now).count().to_string();
                 let whole = now >= end;
-                let sight = sight.get_or_insert_with(|| Sight::new(&stamp, now));
+                let sight = sight.get_or_insert_with(|| Observation::new(&stamp, now));
                 sight.see(&stamp, now);
                 let judged = if whole { WHOLE } else { cut() };
                 if taken(sight, &judged, false, false, now) {

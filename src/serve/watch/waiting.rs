@@ -12,7 +12,7 @@ use crate::serve::job::JobId;
 /// Why something is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum WaitingKind {
     /// It changed a moment ago.
     Settling,
     /// By its own headers there is more to come.
@@ -35,16 +35,23 @@ pub enum Kind {
     Copy,
 }
 
-impl Kind {
+impl WaitingKind {
     /// Whether somebody expects an octree of it that is not there yet.
     pub fn is_awaited(self) -> bool {
-        !matches!(self, Kind::NotTaken | Kind::Copy)
+        !matches!(self, WaitingKind::NotTaken | WaitingKind::Copy)
     }
 
     /// Whether time alone may bring it into the queue; what else is listed stays
     /// as it is until somebody does something about it.
     pub fn may_pass(self) -> bool {
-        matches!(self, Kind::Settling | Kind::Incomplete | Kind::Partial | Kind::Zeros | Kind::Writing)
+        matches!(
+            self,
+            WaitingKind::Settling
+                | WaitingKind::Incomplete
+                | WaitingKind::Partial
+                | WaitingKind::Zeros
+                | WaitingKind::Writing
+        )
     }
 }
 
@@ -53,7 +60,7 @@ impl Kind {
 pub struct Waiting {
     #[serde(serialize_with = "lossy")]
     pub path: PathBuf,
-    pub kind: Kind,
+    pub kind: WaitingKind,
     pub why: String,
     /// Bytes that are there, of all its files.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -70,7 +77,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    pub fn new(path: &Path, kind: Kind, why: impl Into<String>) -> Waiting {
+    pub fn new(path: &Path, kind: WaitingKind, why: impl Into<String>) -> Waiting {
         let (path, why) = (path.to_path_buf(), why.into());
         Waiting { path, kind, why, bytes: None, expected_bytes: None, since: None, job: None }
     }

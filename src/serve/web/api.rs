@@ -10,12 +10,12 @@ use serde_json::json;
 
 use super::octrees;
 use super::previews::PreviewView;
-use super::refusal::Refusal;
-use super::shared::Shared;
+use super::refusal::ApiError;
+use super::shared::AppState;
 use crate::serve::config::age::Age;
 use crate::serve::job::facts::Facts;
-use crate::serve::job::{Event, Input, Job, JobId, State};
-use crate::serve::queue::progress::Reading;
+use crate::serve::job::{Event, Job, JobId, QueuedFile, State};
+use crate::serve::queue::progress::ProgressReading;
 use crate::serve::queue::{self, Attempt, Drawn, History, Preview};
 
 const MONTH: Age = Age(30 * 86_400_000);
@@ -37,7 +37,7 @@ pub(super) struct JobView {
     pub facts: Facts,
     /// The stage it is in, from `queued` to `done`; none where it ended early.
     pub stage: Option<&'static str>,
-    pub progress: Option<Reading>,
+    pub progress: Option<ProgressReading>,
     /// Where its octree is served, once it is published; none where only a COPC file was
     /// made.
     pub octree: Option<String>,
@@ -52,13 +52,13 @@ pub(super) struct JobView {
 struct Details {
     #[serde(flatten)]
     view: JobView,
-    inputs: Vec<Input>,
+    inputs: Vec<QueuedFile>,
     attempts_log: Vec<Attempt>,
     history: Vec<History>,
 }
 
 /// Jobs as the API tells them.
-pub(super) async fn views(shared: &Shared, jobs: Vec<Job>) -> queue::Result<Vec<JobView>> {
+pub(super) async fn views(shared: &AppState, jobs: Vec<Job>) -> queue::Result<Vec<JobView>> {
     let ids: Vec<JobId> = jobs.iter().map(|job| job.id).collect();
     let mut previews = shared.store.previews(&ids).await?;
     Ok(jobs
@@ -70,7 +70,7 @@ pub(super) async fn views(shared: &Shared, jobs: Vec<Job>) -> queue::Result<Vec<
         .collect())
 }
 
-fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
+fn view(shared: &AppState, job: Job, preview: Option<Preview>) -> JobView {
     let progress = match job.state {
         State::Running => shared.board.read(job.id, shared.clock.now()),
         _ => None,
@@ -83,7 +83,7 @@ fn view(shared: &Shared, job: Job, preview: Option<Preview>) -> JobView {
     let published = job.state == State::Done && job.superseded_by.is_none();
     let access = &shared.config.access;
     let folder = octrees::folder(access.base(), &job.name);
-    let made = octrees::Made::of(&job);
+    let made = octrees::JobOutputs::of(&job);
     let octree = (published && made.octree).then(|| format!("{folder}/metadata.json"));
     let copc = made.copc.as_ref().filter(|_| published);
     let copc = copc.map(|file| format!("{folder}/{}", octrees::encoded_part(file)));
@@ -105,14 +105,14 @@ pub(super) struct Filter {
 }
 
 pub(super) async fn list(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Query(filter): Query<Filter>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let state = match filter.state.as_deref() {
         None => None,
         Some(name) => Some(State::parse(&name.to_ascii_lowercase()).ok_or_else(|| {
             let names = State::ALL.map(State::name).join(", ");
-            Refusal::new(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
+            ApiError::new(StatusCode::BAD_REQUEST, format!("`{name}` is no state; there are {names}"))
         })?),
     };
     let limit = filter.limit.unwrap_or(200).clamp(1, 1000);
@@ -121,9 +121,9 @@ pub(super) async fn list(
 }
 
 pub(super) async fn show(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let details = Details {
         view: one(&shared, id).await?,
         inputs: shared.store.inputs(id).await?,
@@ -134,13 +134,13 @@ pub(super) async fn show(
 }
 
 /// One job as the API tells it.
-pub(super) async fn one(shared: &Shared, id: JobId) -> queue::Result<JobView> {
+pub(super) async fn one(shared: &AppState, id: JobId) -> queue::Result<JobView> {
     let job = shared.store.job(id).await?;
     let preview = shared.store.previews(&[id]).await?.remove(&id);
     Ok(view(shared, job, preview))
 }
 
-async fn order(shared: Shared, id: JobId, event: Event) -> Result<Response, Refusal> {
+async fn order(shared: AppState, id: JobId, event: Event) -> Result<Response, ApiError> {
     let state = shared.store.order(id, event, shared.clock.now()).await?;
     shared.bell.notify_one();
     // A running job does as it is told at the next tick.
@@ -149,30 +149,30 @@ async fn order(shared: Shared, id: JobId, event: Event) -> Result<Response, Refu
 }
 
 pub(super) async fn retry(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     order(shared, id, Event::Retry).await
 }
 
 pub(super) async fn cancel(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     order(shared, id, Event::Cancel).await
 }
 
 pub(super) async fn pause(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     order(shared, id, Event::Pause).await
 }
 
 pub(super) async fn resume(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     order(shared, id, Event::Resume).await
 }
 
@@ -183,10 +183,10 @@ pub(super) struct Priority {
 }
 
 pub(super) async fn priority(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
     Json(wish): Json<Priority>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     shared.store.set_priority(id, wish.priority, shared.clock.now()).await?;
     shared.bell.notify_one();
     Ok(Json(one(&shared, id).await?).into_response())
@@ -194,12 +194,12 @@ pub(super) async fn priority(
 
 /// Makes the pictures of a job's octree, be it once more.
 pub(super) async fn preview(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     if !shared.config.preview {
         let text = "this daemon makes no pictures (`preview = false` in its configuration)";
-        return Err(Refusal::new(StatusCode::CONFLICT, text.to_string()));
+        return Err(ApiError::new(StatusCode::CONFLICT, text.to_string()));
     }
     shared.store.order_preview(id, shared.clock.now()).await?;
     shared.bell.notify_one();
@@ -213,12 +213,12 @@ pub(super) struct Purge {
 }
 
 /// Removes the records of jobs that ended long ago; 30 days where nothing is said.
-pub(super) async fn purge(Extract(shared): Extract<Shared>, body: Bytes) -> Result<Response, Refusal> {
+pub(super) async fn purge(Extract(shared): Extract<AppState>, body: Bytes) -> Result<Response, ApiError> {
     let age = match body.trim_ascii() {
         [] => MONTH,
         body => {
             let wish: Purge = serde_json::from_slice(body).map_err(|e| {
-                Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}"))
+                ApiError::new(StatusCode::UNPROCESSABLE_ENTITY, format!("no order to purge: {e}"))
             })?;
             wish.older_than
         }
@@ -228,7 +228,7 @@ pub(super) async fn purge(Extract(shared): Extract<Shared>, body: Bytes) -> Resu
 }
 
 /// The watched folders: how news of them comes, what is missing, what waits.
-pub(super) async fn watch(Extract(shared): Extract<Shared>) -> Response {
+pub(super) async fn watch(Extract(shared): Extract<AppState>) -> Response {
     let health = shared.health();
     let watched: Vec<_> = health
         .watched

@@ -10,9 +10,9 @@ use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Redirect, Response};
 
-use super::refusal::Refusal;
-use super::session::Identity;
-use super::shared::Shared;
+use super::refusal::ApiError;
+use super::session::RequestIdentity;
+use super::shared::AppState;
 use super::{octrees, pages};
 use crate::serve::config::Config;
 use crate::serve::config::access::{host_of, is_loopback};
@@ -20,17 +20,17 @@ use crate::serve::config::access::{host_of, is_loopback};
 /// Lets requests in that no foreign page can have caused: the name under which we
 /// are asked is one of ours, and what changes something comes from a page of ours or
 /// from no page. Notes who asks among the request's extensions.
-pub(super) async fn site(Extract(shared): Extract<Shared>, mut request: Request, next: Next) -> Response {
+pub(super) async fn site(Extract(shared): Extract<AppState>, mut request: Request, next: Next) -> Response {
     let config = &shared.config;
-    let identity = Identity::of(request.headers(), &config.access, shared.clock.now());
+    let identity = RequestIdentity::of(request.headers(), &config.access, shared.clock.now());
     // Who knows the token was not tricked into asking.
-    if !matches!(identity, Identity::Token(_)) && !is_our_name(request.headers(), config) {
+    if !matches!(identity, RequestIdentity::Token(_)) && !is_our_name(request.headers(), config) {
         let host = request.headers().get(header::HOST).map(|host| String::from_utf8_lossy(host.as_bytes()));
         let text = format!(
             "the daemon is not served under the name {:?}; its setting `allowed_hosts` lists names that it answers to",
             host.unwrap_or_default()
         );
-        return Refusal::new(StatusCode::FORBIDDEN, text).into_response();
+        return ApiError::new(StatusCode::FORBIDDEN, text).into_response();
     }
     if !is_safe(request.method())
         && let Err(refusal) = check_origin(request.headers(), config)
@@ -43,12 +43,12 @@ pub(super) async fn site(Extract(shared): Extract<Shared>, mut request: Request,
 
 /// Lets in who may read, or, where something changes, operate; and notes the role
 /// among the request's extensions.
-pub(super) async fn guard(Extract(shared): Extract<Shared>, mut request: Request, next: Next) -> Response {
-    let identity = request.extensions().get::<Identity>().copied().unwrap_or(Identity::Nobody);
+pub(super) async fn guard(Extract(shared): Extract<AppState>, mut request: Request, next: Next) -> Response {
+    let identity = request.extensions().get::<RequestIdentity>().copied().unwrap_or(RequestIdentity::Nobody);
     let Some(role) = identity.role() else { return unknown(&shared, &request) };
     if !is_safe(request.method()) && !role.may_operate() {
         let text = "the read token allows to look, not to give orders";
-        return Refusal::new(StatusCode::FORBIDDEN, text).into_response();
+        return ApiError::new(StatusCode::FORBIDDEN, text).into_response();
     }
     request.extensions_mut().insert(role);
     next.run(request).await
@@ -56,7 +56,7 @@ pub(super) async fn guard(Extract(shared): Extract<Shared>, mut request: Request
 
 /// For what a page of somebody else must not even read in the background, as
 /// event streams, of which there are few.
-pub(super) async fn own_pages(Extract(shared): Extract<Shared>, request: Request, next: Next) -> Response {
+pub(super) async fn own_pages(Extract(shared): Extract<AppState>, request: Request, next: Next) -> Response {
     match check_origin(request.headers(), &shared.config) {
         Ok(()) => next.run(request).await,
         Err(refusal) => refusal.into_response(),
@@ -64,13 +64,13 @@ pub(super) async fn own_pages(Extract(shared): Extract<Shared>, request: Request
 }
 
 /// A person is asked for the token, a program is told.
-fn unknown(shared: &Shared, request: &Request) -> Response {
+fn unknown(shared: &AppState, request: &Request) -> Response {
     let path = request.uri().path();
     let is_person = accepts_html(request.headers())
         && matches!(*request.method(), Method::GET | Method::HEAD)
         && !path.starts_with("/api/");
     if !is_person {
-        let refusal = Refusal::new(StatusCode::UNAUTHORIZED, "this needs `Authorization: Bearer <token>`");
+        let refusal = ApiError::new(StatusCode::UNAUTHORIZED, "this needs `Authorization: Bearer <token>`");
         return ([(header::WWW_AUTHENTICATE, "Bearer")], refusal).into_response();
     }
     let base = shared.config.access.base();
@@ -124,13 +124,13 @@ fn cannot_be_rebound(authority: &str) -> bool {
 
 /// Refuses what a page of somebody else has a browser send. Browsers name the page's
 /// origin, or at least how foreign it is; other programs send neither.
-fn check_origin(headers: &HeaderMap, config: &Config) -> Result<(), Refusal> {
+fn check_origin(headers: &HeaderMap, config: &Config) -> Result<(), ApiError> {
     let foreign = |from: &str| {
         let text = format!(
             "refused, since a page of another site ({from}) asks for it; if it is yours, name its host in \
              `allowed_hosts`, or set `public_url`"
         );
-        Err(Refusal::new(StatusCode::FORBIDDEN, text))
+        Err(ApiError::new(StatusCode::FORBIDDEN, text))
     };
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("unreadable"));
     match text(header::ORIGIN) {

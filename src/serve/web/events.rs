@@ -17,12 +17,12 @@ use tokio::io::{AsyncWriteExt, DuplexStream};
 use tokio_util::io::ReaderStream;
 
 use super::api;
-use super::refusal::Refusal;
+use super::refusal::ApiError;
 use super::server::Peer;
-use super::shared::Shared;
-use super::streams::Place;
+use super::shared::AppState;
+use super::streams::StreamPlace;
 use crate::serve::job::{Job, JobId};
-use crate::serve::queue::progress::Reading;
+use crate::serve::queue::progress::ProgressReading;
 
 const BEAT: Duration = Duration::from_millis(500);
 /// Proxies cut connections that are silent for a minute, and only writing tells
@@ -37,7 +37,7 @@ const FIRST: i64 = 200;
 const AT_ONCE: i64 = 1000;
 
 pub(super) async fn all(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     peer: Option<Extension<Peer>>,
     headers: HeaderMap,
 ) -> Response {
@@ -45,22 +45,27 @@ pub(super) async fn all(
 }
 
 pub(super) async fn one(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
     peer: Option<Extension<Peer>>,
     headers: HeaderMap,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     // One that is not there is said so at once.
     shared.store.job(id).await?;
     Ok(open(shared, Some(id), peer, &headers))
 }
 
-fn open(shared: Shared, only: Option<JobId>, peer: Option<Extension<Peer>>, headers: &HeaderMap) -> Response {
+fn open(
+    shared: AppState,
+    only: Option<JobId>,
+    peer: Option<Extension<Peer>>,
+    headers: &HeaderMap,
+) -> Response {
     let peer = peer.map(|Extension(Peer(address))| address);
     let Some(place) = shared.streams.open(peer, Instant::now()) else {
         let retry = [(header::RETRY_AFTER, "30")];
         let text = "all places for event streams are taken; poll /api/jobs instead";
-        return (retry, Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
+        return (retry, ApiError::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
     };
     let last = headers.get("last-event-id").and_then(|id| id.to_str().ok()).and_then(|id| id.parse().ok());
     let (writer, reader) = tokio::io::duplex(BUFFER);
@@ -75,8 +80,14 @@ fn open(shared: Shared, only: Option<JobId>, peer: Option<Extension<Peer>>, head
 }
 
 /// Writes until the reader is gone, or the daemon stops.
-async fn feed(shared: Shared, only: Option<JobId>, last: Option<i64>, mut to: DuplexStream, place: Place) {
-    let mut stream = Stream { only, seen: last, told: HashMap::new() };
+async fn feed(
+    shared: AppState,
+    only: Option<JobId>,
+    last: Option<i64>,
+    mut to: DuplexStream,
+    place: StreamPlace,
+) {
+    let mut stream = EventStream { only, seen: last, told: HashMap::new() };
     let mut text = "retry: 2000\n\n".to_string();
     let mut silent = Duration::ZERO;
     loop {
@@ -106,7 +117,7 @@ async fn feed(shared: Shared, only: Option<JobId>, last: Option<i64>, mut to: Du
     }
 }
 
-struct Stream {
+struct EventStream {
     only: Option<JobId>,
     /// The latest line of history that the reader knows of; nothing at first.
     seen: Option<i64>,
@@ -118,12 +129,12 @@ struct Stream {
 struct ProgressView {
     id: JobId,
     #[serde(flatten)]
-    progress: Reading,
+    progress: ProgressReading,
 }
 
-impl Stream {
+impl EventStream {
     /// Adds what is new.
-    async fn beat(&mut self, shared: &Shared, text: &mut String) -> crate::serve::queue::Result<()> {
+    async fn beat(&mut self, shared: &AppState, text: &mut String) -> crate::serve::queue::Result<()> {
         // Before the jobs are read: what happens in between is told once more.
         let latest = shared.store.latest_event().await?;
         let jobs = match self.seen {
@@ -145,7 +156,7 @@ impl Stream {
         Ok(())
     }
 
-    async fn present(&self, shared: &Shared) -> crate::serve::queue::Result<Vec<Job>> {
+    async fn present(&self, shared: &AppState) -> crate::serve::queue::Result<Vec<Job>> {
         match self.only {
             Some(id) => Ok(vec![shared.store.job(id).await?]),
             None => {
@@ -156,7 +167,7 @@ impl Stream {
         }
     }
 
-    fn progress(&mut self, shared: &Shared, text: &mut String) {
+    fn progress(&mut self, shared: &AppState, text: &mut String) {
         let readings = shared.board.readings(shared.clock.now());
         self.told.retain(|id, _| readings.iter().any(|(running, _)| running == id));
         for (id, progress) in readings {

@@ -14,14 +14,14 @@ use rustix::fs::OFlags;
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
-use super::refusal::Refusal;
+use super::refusal::ApiError;
 
 /// Read at a time.
 const BLOCK: usize = 64 * 1024;
 
 /// What part of a file is asked for.
 #[derive(Debug, PartialEq, Eq)]
-enum Part {
+enum RequestedPart {
     Whole,
     /// From the first byte to the last, both included.
     Range(u64, u64),
@@ -66,12 +66,12 @@ pub(super) async fn answer(path: &Path, asked: &HeaderMap, cache: HeaderValue) -
         return (status, headers).into_response();
     }
     let (status, first, length) = match part(asked, &tag, size) {
-        Part::Whole => (StatusCode::OK, 0, size),
-        Part::Range(first, last) => {
+        RequestedPart::Whole => (StatusCode::OK, 0, size),
+        RequestedPart::Range(first, last) => {
             headers.insert(header::CONTENT_RANGE, number(format!("bytes {first}-{last}/{size}")));
             (StatusCode::PARTIAL_CONTENT, first, last - first + 1)
         }
-        Part::Outside => {
+        RequestedPart::Outside => {
             headers.insert(header::CONTENT_RANGE, number(format!("bytes */{size}")));
             return (StatusCode::RANGE_NOT_SATISFIABLE, headers).into_response();
         }
@@ -80,14 +80,14 @@ pub(super) async fn answer(path: &Path, asked: &HeaderMap, cache: HeaderValue) -
     headers.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
     let mut file = file;
     if first > 0 && file.seek(SeekFrom::Start(first)).await.is_err() {
-        return Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read").into_response();
+        return ApiError::new(StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read").into_response();
     }
     let body = Body::from_stream(ReaderStream::with_capacity(file.take(length), BLOCK));
     (status, headers, body).into_response()
 }
 
 pub(super) fn missing() -> Response {
-    Refusal::new(StatusCode::NOT_FOUND, "there is no such file").into_response()
+    ApiError::new(StatusCode::NOT_FOUND, "there is no such file").into_response()
 }
 
 fn number(text: String) -> HeaderValue {
@@ -126,25 +126,25 @@ fn has(list: &str, tag: &str, weak: bool) -> bool {
     })
 }
 
-fn part(asked: &HeaderMap, tag: &str, size: u64) -> Part {
+fn part(asked: &HeaderMap, tag: &str, size: u64) -> RequestedPart {
     let Some(range) = asked.get(header::RANGE).and_then(|range| range.to_str().ok()) else {
-        return Part::Whole;
+        return RequestedPart::Whole;
     };
     // A date says too little, and another tag means other bytes.
     if asked.get(header::IF_RANGE).is_some_and(|known| known != tag) {
-        return Part::Whole;
+        return RequestedPart::Whole;
     }
     ranged(range, size)
 }
 
 /// A range of bytes. Several at once, and what is no range, are answered with the
 /// whole, as the standard allows.
-fn ranged(range: &str, size: u64) -> Part {
-    let Some((unit, range)) = range.split_once('=') else { return Part::Whole };
+fn ranged(range: &str, size: u64) -> RequestedPart {
+    let Some((unit, range)) = range.split_once('=') else { return RequestedPart::Whole };
     if !unit.trim().eq_ignore_ascii_case("bytes") || range.contains(',') {
-        return Part::Whole;
+        return RequestedPart::Whole;
     }
-    let Some((first, last)) = range.trim().split_once('-') else { return Part::Whole };
+    let Some((first, last)) = range.trim().split_once('-') else { return RequestedPart::Whole };
     let (first, last) = (first.trim(), last.trim());
     let count = |digits: &str| {
         let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -155,16 +155,16 @@ fn ranged(range: &str, size: u64) -> Part {
         (Some(first), _) if last.is_empty() => within(first, u64::MAX, size),
         (Some(first), Some(last)) if first <= last => within(first, last, size),
         (None, Some(suffix)) if first.is_empty() => match suffix {
-            0 => Part::Outside,
+            0 => RequestedPart::Outside,
             // One that is longer than the file is the whole of it.
             suffix => within(size.saturating_sub(suffix), u64::MAX, size),
         },
-        _ => Part::Whole,
+        _ => RequestedPart::Whole,
     }
 }
 
-fn within(first: u64, last: u64, size: u64) -> Part {
-    if first >= size { Part::Outside } else { Part::Range(first, last.min(size - 1)) }
+fn within(first: u64, last: u64, size: u64) -> RequestedPart {
+    if first >= size { RequestedPart::Outside } else { RequestedPart::Range(first, last.min(size - 1)) }
 }
 
 #[cfg(test)]
@@ -178,30 +178,30 @@ mod tests {
     #[test]
     fn ranges_are_understood_as_the_standard_has_them() {
         for (range, part) in [
-            ("bytes=0-0", Part::Range(0, 0)),
-            ("bytes=10-29", Part::Range(10, 29)),
-            ("bytes=90-200", Part::Range(90, 99)),
-            ("bytes=90-", Part::Range(90, 99)),
-            ("BYTES = 90-", Part::Range(90, 99)),
-            ("bytes=-16", Part::Range(84, 99)),
-            ("bytes=-100", Part::Range(0, 99)),
-            ("bytes=-999999999", Part::Range(0, 99)),
-            ("bytes=-99999999999999999999999", Part::Range(0, 99)),
-            ("bytes=100-", Part::Outside),
-            ("bytes=99999999999999999999999-", Part::Outside),
-            ("bytes=-0", Part::Outside),
-            ("bytes=20-10", Part::Whole),
-            ("bytes=0-1,4-5", Part::Whole),
-            ("bytes=a-b", Part::Whole),
-            ("bytes=-", Part::Whole),
-            ("bytes=+1-2", Part::Whole),
-            ("lines=0-1", Part::Whole),
-            ("bytes", Part::Whole),
+            ("bytes=0-0", RequestedPart::Range(0, 0)),
+            ("bytes=10-29", RequestedPart::Range(10, 29)),
+            ("bytes=90-200", RequestedPart::Range(90, 99)),
+            ("bytes=90-", RequestedPart::Range(90, 99)),
+            ("BYTES = 90-", RequestedPart::Range(90, 99)),
+            ("bytes=-16", RequestedPart::Range(84, 99)),
+            ("bytes=-100", RequestedPart::Range(0, 99)),
+            ("bytes=-999999999", RequestedPart::Range(0, 99)),
+            ("bytes=-99999999999999999999999", RequestedPart::Range(0, 99)),
+            ("bytes=100-", RequestedPart::Outside),
+            ("bytes=99999999999999999999999-", RequestedPart::Outside),
+            ("bytes=-0", RequestedPart::Outside),
+            ("bytes=20-10", RequestedPart::Whole),
+            ("bytes=0-1,4-5", RequestedPart::Whole),
+            ("bytes=a-b", RequestedPart::Whole),
+            ("bytes=-", RequestedPart::Whole),
+            ("bytes=+1-2", RequestedPart::Whole),
+            ("lines=0-1", RequestedPart::Whole),
+            ("bytes", RequestedPart::Whole),
         ] {
             assert_eq!(ranged(range, 100), part, "{range}");
         }
-        assert_eq!(ranged("bytes=0-", 0), Part::Outside);
-        assert_eq!(ranged("bytes=-5", 0), Part::Outside);
+        assert_eq!(ranged("bytes=0-", 0), RequestedPart::Outside);
+        assert_eq!(ranged("bytes=-5", 0), RequestedPart::Outside);
     }
 
     #[test]
@@ -209,9 +209,9 @@ mod tests {
         let of = |condition: &str| {
             part(&headers(&[(header::RANGE, "bytes=0-15"), (header::IF_RANGE, condition)]), "\"a\"", 100)
         };
-        assert_eq!(of("\"a\""), Part::Range(0, 15));
+        assert_eq!(of("\"a\""), RequestedPart::Range(0, 15));
         for other in ["\"b\"", "W/\"a\"", "Wed, 21 Oct 2015 07:28:00 GMT"] {
-            assert_eq!(of(other), Part::Whole, "{other}");
+            assert_eq!(of(other), RequestedPart::Whole, "{other}");
         }
     }
 

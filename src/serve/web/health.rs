@@ -10,7 +10,7 @@ use axum::extract::State as Extract;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-use super::shared::{Health, Shared};
+use super::shared::{AppState, Health};
 use crate::platform::clock::Millis;
 
 /// A wheel that has not turned for so long hangs, in milliseconds. The engine
@@ -37,7 +37,7 @@ fn stuck(health: &Health, now: Millis) -> Option<String> {
 }
 
 /// Alive: the engine's wheel turns, and the watcher gets on.
-pub(super) async fn healthz(Extract(shared): Extract<Shared>) -> Response {
+pub(super) async fn healthz(Extract(shared): Extract<AppState>) -> Response {
     if let Some(why) = stuck(&shared.health(), shared.clock.now()) {
         return (StatusCode::SERVICE_UNAVAILABLE, format!("stuck: {why}\n")).into_response();
     }
@@ -46,7 +46,7 @@ pub(super) async fn healthz(Extract(shared): Extract<Shared>) -> Response {
 
 /// Ready: started, not stopping, the queue answers, our own folders can be written to,
 /// every watched folder is there.
-pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
+pub(super) async fn readyz(Extract(shared): Extract<AppState>) -> Response {
     let health = shared.health();
     let mut reasons = Vec::new();
     if !health.started {
@@ -70,7 +70,7 @@ pub(super) async fn readyz(Extract(shared): Extract<Shared>) -> Response {
     (StatusCode::SERVICE_UNAVAILABLE, format!("not ready: {}\n", reasons.join("; "))).into_response()
 }
 
-pub(super) async fn metrics(Extract(shared): Extract<Shared>) -> Response {
+pub(super) async fn metrics(Extract(shared): Extract<AppState>) -> Response {
     if let Err(error) = refresh(&shared).await {
         // The gauges of the queue keep their last values; the rest is true.
         tracing::error!(%error, "the queue's figures could not be read");
@@ -83,7 +83,7 @@ pub(super) async fn metrics(Extract(shared): Extract<Shared>) -> Response {
 }
 
 /// Gauges that are cheaper to read now and then than to keep.
-async fn refresh(shared: &Shared) -> crate::serve::queue::Result<()> {
+async fn refresh(shared: &AppState) -> crate::serve::queue::Result<()> {
     let (metrics, now) = (&shared.metrics, shared.clock.now());
     let health = shared.health();
     progress(shared, now);
@@ -112,7 +112,7 @@ async fn refresh(shared: &Shared) -> crate::serve::queue::Result<()> {
 }
 
 /// How far the running conversions are, by stage.
-fn progress(shared: &Shared, now: Millis) {
+fn progress(shared: &AppState, now: Millis) {
     let metrics = &shared.metrics;
     let readings = shared.board.readings(now);
     for stage in crate::serve::metrics::STAGES {

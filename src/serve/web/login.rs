@@ -10,14 +10,14 @@ use axum::response::{IntoResponse, Redirect, Response};
 use serde::Deserialize;
 
 use super::pages;
-use super::session::{self, Identity};
-use super::shared::Shared;
+use super::session::{self, RequestIdentity};
+use super::shared::AppState;
 
 /// Before a wrong token is answered, so that guessing is slow.
 const PAUSE: Duration = Duration::from_millis(300);
 
 #[derive(Deserialize)]
-pub(super) struct Asked {
+pub(super) struct LoginForm {
     next: Option<String>,
 }
 
@@ -29,9 +29,9 @@ pub(super) struct Brought {
 
 /// The form; who is logged in goes on at once.
 pub(super) async fn form(
-    Extract(shared): Extract<Shared>,
-    Extension(identity): Extension<Identity>,
-    Query(asked): Query<Asked>,
+    Extract(shared): Extract<AppState>,
+    Extension(identity): Extension<RequestIdentity>,
+    Query(asked): Query<LoginForm>,
 ) -> Response {
     let next = local(asked.next.as_deref(), shared.config.access.base());
     if identity.role().is_some() {
@@ -41,7 +41,7 @@ pub(super) async fn form(
 }
 
 /// Takes the token and sets the cookie.
-pub(super) async fn log_in(Extract(shared): Extract<Shared>, Form(brought): Form<Brought>) -> Response {
+pub(super) async fn log_in(Extract(shared): Extract<AppState>, Form(brought): Form<Brought>) -> Response {
     let access = &shared.config.access;
     let next = local(brought.next.as_deref(), access.base());
     let token = brought.token.trim();
@@ -57,7 +57,7 @@ pub(super) async fn log_in(Extract(shared): Extract<Shared>, Form(brought): Form
 }
 
 /// Has the browser forget its cookie.
-pub(super) async fn log_out(Extract(shared): Extract<Shared>) -> Response {
+pub(super) async fn log_out(Extract(shared): Extract<AppState>) -> Response {
     let access = &shared.config.access;
     let form = format!("{}/login", access.base());
     ([(header::SET_COOKIE, session::log_out(access))], Redirect::to(&form)).into_response()

@@ -40,7 +40,7 @@ use tower_http::timeout::TimeoutLayer;
 pub use pages::upload::{folder as uploads, places as upload_places};
 pub use pages::{Figures, Live};
 pub use server::serve;
-pub use shared::{Health, Shared};
+pub use shared::{AppState, Health};
 pub use streams::Streams;
 
 /// No request but an upload needs a body of more than a few words.
@@ -49,7 +49,7 @@ const LONGEST_REQUEST: Duration = Duration::from_secs(30);
 
 /// All routes, as they are without the public address's path and below it: some
 /// proxies take it away, and others do not.
-pub fn router(shared: Shared) -> Router {
+pub fn router(shared: AppState) -> Router {
     let base: Arc<str> = shared.config.access.base().into();
     let inner = routes(shared);
     if base.is_empty() {
@@ -73,7 +73,7 @@ fn without_base(mut request: Request, base: &str) -> Request {
     request
 }
 
-fn routes(shared: Shared) -> Router {
+fn routes(shared: AppState) -> Router {
     let guard = from_fn_with_state(shared.clone(), auth::guard);
     let site = from_fn_with_state(shared.clone(), auth::site);
     let body = RequestBodyLimitLayer::new(LONGEST_BODY);

@@ -12,7 +12,7 @@ use axum::response::Response;
 use axum::routing::get;
 use tower_http::cors::{Any, CorsLayer};
 
-use super::shared::Shared;
+use super::shared::AppState;
 use super::{files, previews};
 use crate::serve::job::Job;
 
@@ -21,12 +21,12 @@ use crate::serve::job::Job;
 const ASK_AGAIN: HeaderValue = HeaderValue::from_static("no-cache");
 const ASK_AGAIN_ALONE: HeaderValue = HeaderValue::from_static("private, no-cache");
 
-pub(super) fn router() -> Router<Shared> {
+pub(super) fn router() -> Router<AppState> {
     Router::new().route("/octrees/{*path}", get(serve))
 }
 
 async fn serve(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(path): Path<String>,
     RawQuery(query): RawQuery,
     asked: HeaderMap,
@@ -68,19 +68,19 @@ pub(super) fn cors() -> CorsLayer {
 }
 
 /// What a job made, as its report says.
-pub(super) struct Made {
+pub(super) struct JobOutputs {
     /// Whether an octree is there.
     pub octree: bool,
     /// The name of the COPC file, where there is one.
     pub copc: Option<String>,
 }
 
-impl Made {
-    pub fn of(job: &Job) -> Made {
+impl JobOutputs {
+    pub fn of(job: &Job) -> JobOutputs {
         let copc = job.result.as_ref().map(|report| &report["copc"]);
         let file = copc.and_then(|copc| copc["file"].as_str()).map(str::to_string);
         let alone = copc.is_some_and(|copc| copc["alone"] == true);
-        Made { octree: !alone, copc: file }
+        JobOutputs { octree: !alone, copc: file }
     }
 
     /// The file that a viewer is told of, as a part of an address.
@@ -134,7 +134,7 @@ mod tests {
             (true, copc.clone(), "metadata.json"),
             (false, copc, "a%20b.copc.laz"),
         ] {
-            assert_eq!(Made { octree, copc }.entry(), entry);
+            assert_eq!(JobOutputs { octree, copc }.entry(), entry);
         }
     }
 }

@@ -8,22 +8,22 @@ use serde_json::json;
 use crate::serve::queue::StoreError;
 
 /// An answer that says what went wrong.
-pub(super) struct Refusal(StatusCode, String);
+pub(super) struct ApiError(StatusCode, String);
 
-impl Refusal {
-    pub fn new(status: StatusCode, what: impl Into<String>) -> Refusal {
-        Refusal(status, what.into())
+impl ApiError {
+    pub fn new(status: StatusCode, what: impl Into<String>) -> ApiError {
+        ApiError(status, what.into())
     }
 }
 
-impl IntoResponse for Refusal {
+impl IntoResponse for ApiError {
     fn into_response(self) -> Response {
         (self.0, Json(json!({ "error": self.1 }))).into_response()
     }
 }
 
-impl From<StoreError> for Refusal {
-    fn from(error: StoreError) -> Refusal {
+impl From<StoreError> for ApiError {
+    fn from(error: StoreError) -> ApiError {
         let status = match &error {
             StoreError::NoSuchJob(_) => StatusCode::NOT_FOUND,
             StoreError::Illegal { .. } => StatusCode::CONFLICT,
@@ -38,6 +38,6 @@ impl From<StoreError> for Refusal {
                 StatusCode::SERVICE_UNAVAILABLE
             }
         };
-        Refusal(status, error.to_string())
+        ApiError(status, error.to_string())
     }
 }

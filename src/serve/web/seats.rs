@@ -77,10 +77,10 @@ impl Drop for Admitted {
 
 /// All places. Cheap to clone.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Seats(Arc<Mutex<Taken>>);
+pub(super) struct Seats(Arc<Mutex<TakenSeats>>);
 
 #[derive(Debug, Default)]
-struct Taken {
+struct TakenSeats {
     next: u64,
     seats: HashMap<u64, Arc<Seat>>,
 }
@@ -128,7 +128,7 @@ impl Seats {
     }
 }
 
-impl Taken {
+impl TakenSeats {
     /// Those whose connections have not been told to go.
     fn living(&self) -> Vec<Arc<Seat>> {
         self.seats.values().filter(|seat| !seat.gone.is_cancelled()).cloned().collect()

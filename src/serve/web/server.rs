@@ -22,7 +22,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-use super::refusal::Refusal;
+use super::refusal::ApiError;
 use super::seats::{Admitted, Place, Seats};
 use super::watched::{Counted, Watched};
 
@@ -109,7 +109,7 @@ impl Connection {
         request.extensions_mut().insert(Peer(seat.address()));
         let mut answer = if is_extra && !is_probe {
             let text = "all connections are taken; try again in a moment";
-            let refusal = Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text);
+            let refusal = ApiError::new(StatusCode::SERVICE_UNAVAILABLE, text);
             ([(header::RETRY_AFTER, "2")], refusal).into_response()
         } else {
             let service = TowerToHyperService::new(self.router.clone());

@@ -29,7 +29,7 @@ impl Role {
 
 /// How a request says who sends it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Identity {
+pub(super) enum RequestIdentity {
     /// No token is configured: everybody is an operator.
     Open,
     /// By a token in a header, which no page can have a browser send.
@@ -39,24 +39,24 @@ pub(super) enum Identity {
     Nobody,
 }
 
-impl Identity {
-    pub fn of(headers: &HeaderMap, access: &Access, now: Millis) -> Identity {
+impl RequestIdentity {
+    pub fn of(headers: &HeaderMap, access: &Access, now: Millis) -> RequestIdentity {
         if access.token.is_none() {
-            return Identity::Open;
+            return RequestIdentity::Open;
         }
         if let Some(role) = bearer(headers).and_then(|token| role_of_token(token, access)) {
-            return Identity::Token(role);
+            return RequestIdentity::Token(role);
         }
         cookies(headers)
             .find_map(|value| role_of_cookie(value, access, now))
-            .map_or(Identity::Nobody, Identity::Cookie)
+            .map_or(RequestIdentity::Nobody, RequestIdentity::Cookie)
     }
 
     pub fn role(self) -> Option<Role> {
         match self {
-            Identity::Open => Some(Role::Operator),
-            Identity::Token(role) | Identity::Cookie(role) => Some(role),
-            Identity::Nobody => None,
+            RequestIdentity::Open => Some(Role::Operator),
+            RequestIdentity::Token(role) | RequestIdentity::Cookie(role) => Some(role),
+            RequestIdentity::Nobody => None,
         }
     }
 }
@@ -143,18 +143,18 @@ mod tests {
         }
     }
 
-    fn identity(name: header::HeaderName, value: &str, access: &Access) -> Identity {
+    fn identity(name: header::HeaderName, value: &str, access: &Access) -> RequestIdentity {
         let headers = HeaderMap::from_iter([(name, value.parse().expect("a value"))]);
-        Identity::of(&headers, access, NOW)
+        RequestIdentity::of(&headers, access, NOW)
     }
 
     #[test]
     fn only_a_whole_token_opens() {
-        let nobody = Identity::Nobody;
+        let nobody = RequestIdentity::Nobody;
         for (value, who) in [
-            ("Bearer the operator's", Identity::Token(Role::Operator)),
-            ("bearer the operator's", Identity::Token(Role::Operator)),
-            ("BEARER   the reader's ", Identity::Token(Role::Reader)),
+            ("Bearer the operator's", RequestIdentity::Token(Role::Operator)),
+            ("bearer the operator's", RequestIdentity::Token(Role::Operator)),
+            ("BEARER   the reader's ", RequestIdentity::Token(Role::Reader)),
             ("Bearer the operator", nobody),
             ("Bearer ", nobody),
             ("Bearer", nobody),
@@ -163,8 +163,8 @@ mod tests {
         ] {
             assert_eq!(identity(header::AUTHORIZATION, value, &access()), who, "{value}");
         }
-        assert_eq!(Identity::of(&HeaderMap::new(), &access(), NOW), nobody);
-        assert_eq!(Identity::of(&HeaderMap::new(), &Access::default(), NOW), Identity::Open);
+        assert_eq!(RequestIdentity::of(&HeaderMap::new(), &access(), NOW), nobody);
+        assert_eq!(RequestIdentity::of(&HeaderMap::new(), &Access::default(), NOW), RequestIdentity::Open);
     }
 
     /// What a browser sends back of a Set-Cookie header.
@@ -176,15 +176,15 @@ mod tests {
     fn cookies_prove_their_token_until_it_changes() {
         let cookie = sent(&log_in("the reader's", &access(), NOW));
         assert!(!cookie.contains("reader"), "{cookie}");
-        assert_eq!(identity(header::COOKIE, &cookie, &access()), Identity::Cookie(Role::Reader));
+        assert_eq!(identity(header::COOKIE, &cookie, &access()), RequestIdentity::Cookie(Role::Reader));
         let among = format!("a=b; lodestone=1.00; {cookie}; c=d");
-        assert_eq!(identity(header::COOKIE, &among, &access()), Identity::Cookie(Role::Reader));
+        assert_eq!(identity(header::COOKIE, &among, &access()), RequestIdentity::Cookie(Role::Reader));
         let changed = Access { read_token: Some("another secret".to_string()), ..access() };
-        assert_eq!(identity(header::COOKIE, &cookie, &changed), Identity::Nobody);
+        assert_eq!(identity(header::COOKIE, &cookie, &changed), RequestIdentity::Nobody);
         let operator = sent(&log_in("the operator's", &access(), NOW));
-        assert_eq!(identity(header::COOKIE, &operator, &access()), Identity::Cookie(Role::Operator));
+        assert_eq!(identity(header::COOKIE, &operator, &access()), RequestIdentity::Cookie(Role::Operator));
         let old = sent(&log_in("the operator's", &access(), NOW - LASTS * 1000));
-        assert_eq!(identity(header::COOKIE, &old, &access()), Identity::Nobody);
+        assert_eq!(identity(header::COOKIE, &old, &access()), RequestIdentity::Nobody);
     }
 
     #[test]
@@ -200,7 +200,7 @@ mod tests {
             "lodestone=the operator's".to_string(),
             format!("other={until}.{mac}"),
         ] {
-            assert_eq!(identity(header::COOKIE, &forged, &access()), Identity::Nobody, "{forged}");
+            assert_eq!(identity(header::COOKIE, &forged, &access()), RequestIdentity::Nobody, "{forged}");
         }
     }
 

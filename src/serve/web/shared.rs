@@ -15,9 +15,9 @@ use crate::platform::disk::Disk;
 use crate::serve::config::Config;
 use crate::serve::metrics::Metrics;
 use crate::serve::queue::Store;
-use crate::serve::queue::progress::Board;
+use crate::serve::queue::progress::ProgressRegistry;
 use crate::serve::viewer::Viewer;
-use crate::serve::watch::events::Mode;
+use crate::serve::watch::events::NotifyMode;
 use crate::serve::watch::waiting::Waiting;
 
 /// What the daemon knows of itself besides the queue; written by its loops.
@@ -35,17 +35,17 @@ pub struct Health {
     pub scanning: bool,
     /// For how many seconds it has not got on.
     pub watcher_stands: u64,
-    pub watched: Vec<(PathBuf, Mode)>,
+    pub watched: Vec<(PathBuf, NotifyMode)>,
     pub missing: Vec<PathBuf>,
     pub waiting: Vec<Waiting>,
 }
 
 /// What the handlers work with. Cheap to clone.
 #[derive(Clone)]
-pub struct Shared {
+pub struct AppState {
     pub config: Arc<Config>,
     pub store: Store,
-    pub board: Board,
+    pub board: ProgressRegistry,
     pub metrics: Metrics,
     pub clock: Clock,
     pub disk: Disk,
@@ -66,7 +66,7 @@ pub struct Shared {
     pub viewer: Viewer,
 }
 
-impl Shared {
+impl AppState {
     pub fn health(&self) -> Health {
         self.health.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::pages;
-use super::refusal::Refusal;
-use super::shared::Shared;
+use super::refusal::ApiError;
+use super::shared::AppState;
 use crate::serve::job::{Job, JobId};
-use crate::serve::queue::{Mode, Share};
+use crate::serve::queue::{QueueMode, Share};
 
 /// The description of the API; a test holds it to the routes.
 pub(super) async fn openapi() -> Response {
@@ -20,7 +20,7 @@ pub(super) async fn openapi() -> Response {
 }
 
 /// Whether jobs are started, and how many there are.
-pub(super) async fn queue(Extract(shared): Extract<Shared>) -> Result<Response, Refusal> {
+pub(super) async fn queue(Extract(shared): Extract<AppState>) -> Result<Response, ApiError> {
     let counts = shared.store.shown_counts().await?;
     let jobs: Map<String, Value> =
         counts.into_iter().map(|(shown, jobs)| (shown.name().to_string(), jobs.into())).collect();
@@ -31,13 +31,13 @@ pub(super) async fn queue(Extract(shared): Extract<Shared>) -> Result<Response, 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wanted {
-    mode: Mode,
+    mode: QueueMode,
 }
 
 pub(super) async fn set_queue(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Json(wanted): Json<Wanted>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     shared.store.set_mode(wanted.mode).await?;
     tracing::info!(mode = wanted.mode.name(), "set by an operator");
     shared.bell.notify_one();
@@ -45,9 +45,9 @@ pub(super) async fn set_queue(
 }
 
 pub(super) async fn verify(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     shared.store.order_verification(id, shared.clock.now()).await?;
     shared.bell.notify_one();
     let verification = shared.store.verification(id).await?;
@@ -55,17 +55,17 @@ pub(super) async fn verify(
 }
 
 pub(super) async fn verified(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     shared.store.job(id).await?;
     Ok(Json(shared.store.verification(id).await?).into_response())
 }
 
 pub(super) async fn log(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     shared.store.job(id).await?;
     Ok(Json(json!({ "lines": shared.store.lines(id).await? })).into_response())
 }
@@ -82,16 +82,16 @@ struct LinkView {
     created_at: i64,
 }
 
-fn link_view(shared: &Shared, share: &Share, job: &Job) -> LinkView {
+fn link_view(shared: &AppState, share: &Share, job: &Job) -> LinkView {
     let [page, file] = pages::share::addresses(shared.config.access.base(), share, job);
     LinkView { id: share.id, page, file, created_at: share.created_at }
 }
 
 /// The links to a job's octree that hold.
 pub(super) async fn links(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let job = shared.store.job(id).await?;
     let shares = shared.store.shares(&job.name).await?;
     let links: Vec<LinkView> = shares.iter().map(|share| link_view(&shared, share, &job)).collect();
@@ -100,9 +100,9 @@ pub(super) async fn links(
 
 /// A new one.
 pub(super) async fn link(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let share = shared.store.share_of(id, shared.clock.now()).await?;
     let job = shared.store.job(id).await?;
     Ok((StatusCode::CREATED, Json(link_view(&shared, &share, &job))).into_response())
@@ -110,14 +110,14 @@ pub(super) async fn link(
 
 /// Takes one back.
 pub(super) async fn revoke(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path((id, link)): Path<(JobId, i64)>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let name = shared.store.job(id).await?.name;
     if shared.store.revoke_share(link, &name, shared.clock.now()).await? {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    Err(Refusal::new(
+    Err(ApiError::new(
         StatusCode::NOT_FOUND,
         format!("there is no link {link} to the octree of job {id} that still holds"),
     ))

@@ -29,7 +29,7 @@ struct Open {
 }
 
 /// A stream's place; dropped, it is free.
-pub(super) struct Place {
+pub(super) struct StreamPlace {
     gone: CancellationToken,
     mark: Arc<()>,
     all: Streams,
@@ -47,7 +47,7 @@ impl Streams {
 
     /// A place, if need be that of the oldest stream of whoever has most of those
     /// that have lasted. None where all are young.
-    pub(super) fn open(&self, peer: Option<IpAddr>, now: Instant) -> Option<Place> {
+    pub(super) fn open(&self, peer: Option<IpAddr>, now: Instant) -> Option<StreamPlace> {
         let mut open = self.lock();
         if open.len() >= MOST {
             let mut held: HashMap<Option<IpAddr>, usize> = HashMap::new();
@@ -59,18 +59,18 @@ impl Streams {
         }
         let (gone, mark) = (CancellationToken::new(), Arc::new(()));
         open.push(Open { peer, since: now, gone: gone.clone(), mark: mark.clone() });
-        Some(Place { gone, mark, all: self.clone() })
+        Some(StreamPlace { gone, mark, all: self.clone() })
     }
 }
 
-impl Place {
+impl StreamPlace {
     /// Ends when the stream has to give way.
     pub async fn must_go(&self) {
         self.gone.cancelled().await;
     }
 }
 
-impl Drop for Place {
+impl Drop for StreamPlace {
     fn drop(&mut self) {
         self.all.lock().retain(|stream| !Arc::ptr_eq(&stream.mark, &self.mark));
     }

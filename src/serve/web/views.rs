@@ -18,8 +18,8 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::files;
-use super::refusal::Refusal;
-use super::shared::Shared;
+use super::refusal::ApiError;
+use super::shared::AppState;
 
 use crate::serve::viewer::{View, ViewError};
 
@@ -29,7 +29,7 @@ const ASK_AGAIN: HeaderValue = HeaderValue::from_static("private, no-cache");
 const LARGEST_SIDE: u32 = 16_384;
 
 /// The same for whoever has a link to an octree.
-pub(super) fn shared_router() -> Router<Shared> {
+pub(super) fn shared_router() -> Router<AppState> {
     Router::new()
         .route("/share/{token}/data/view", get(description))
         .route("/share/{token}/data/pages/{node}", get(page))
@@ -45,11 +45,11 @@ pub(super) struct Place {
     place: String,
 }
 
-impl FromRequestParts<Shared> for Place {
-    type Rejection = Refusal;
+impl FromRequestParts<AppState> for Place {
+    type Rejection = ApiError;
 
-    async fn from_request_parts(parts: &mut Parts, shared: &Shared) -> Result<Place, Refusal> {
-        let none = || Refusal::new(StatusCode::NOT_FOUND, ViewError::NoOctree.to_string());
+    async fn from_request_parts(parts: &mut Parts, shared: &AppState) -> Result<Place, ApiError> {
+        let none = || ApiError::new(StatusCode::NOT_FOUND, ViewError::NoOctree.to_string());
         let params = parts.extract::<RawPathParams>().await.map_err(|_| none())?;
         let part = |key| params.iter().find(|(name, _)| *name == key).map(|(_, value)| value.to_string());
         let name = match part("token") {
@@ -91,8 +91,8 @@ fn auto() -> String {
     "auto".to_string()
 }
 
-impl From<ViewError> for Refusal {
-    fn from(error: ViewError) -> Refusal {
+impl From<ViewError> for ApiError {
+    fn from(error: ViewError) -> ApiError {
         let status = match &error {
             ViewError::NoOctree | ViewError::Missing(_) => StatusCode::NOT_FOUND,
             ViewError::Replaced => StatusCode::GONE,
@@ -101,20 +101,20 @@ impl From<ViewError> for Refusal {
                 StatusCode::UNPROCESSABLE_ENTITY
             }
         };
-        Refusal::new(status, error.to_string())
+        ApiError::new(status, error.to_string())
     }
 }
 
 /// Does what reads on a thread apart, when there is a place for it.
 async fn reading<T: Send + 'static>(
-    shared: &Shared,
+    shared: &AppState,
     name: &str,
     revision: Option<String>,
     read: impl FnOnce(Arc<View>) -> Result<T, ViewError> + Send + 'static,
-) -> Result<T, Refusal> {
+) -> Result<T, ApiError> {
     let folder = files::below(&shared.config.octrees(), name).ok_or(ViewError::NoOctree)?;
     let viewer = shared.viewer.clone();
-    let broken = || Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "reading the octree broke off");
+    let broken = || ApiError::new(StatusCode::INTERNAL_SERVER_ERROR, "reading the octree broke off");
     let place = viewer.places.clone().acquire_owned().await.map_err(|_| broken())?;
     let done = tokio::task::spawn_blocking(move || {
         // Held until the reading is done, also for a request that was given up.
@@ -129,11 +129,11 @@ async fn reading<T: Send + 'static>(
 }
 
 pub(super) async fn description(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     place: Place,
     Query(size): Query<Size>,
     asked: HeaderMap,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let size = [size.width, size.height].map(|side| side.unwrap_or(512).clamp(1, LARGEST_SIDE));
     let described = move |view: Arc<View>| Ok((view.revision().to_string(), view.description(size)));
     let (revision, description) = reading(&shared, &place.name, None, described).await?;
@@ -153,19 +153,19 @@ fn tag_of(tag: &str) -> HeaderValue {
 }
 
 pub(super) async fn page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     place: Place,
     Query(asked): Query<OfRevision>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let node = node(&place)?;
     Ok(bytes(reading(&shared, &place.name, Some(asked.revision), move |view| view.page(node)).await?))
 }
 
 pub(super) async fn points(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     place: Place,
     Query(asked): Query<Wanted>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let node = node(&place)?;
     let Wanted { revision, from, to, by, colors } = asked;
     let read = move |view: Arc<View>| view.points(node, from..to, &by, !colors);
@@ -173,13 +173,13 @@ pub(super) async fn points(
 }
 
 pub(super) async fn point(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     place: Place,
     Query(asked): Query<OfRevision>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let node = node(&place)?;
     let number = place.place.parse::<u32>();
-    let number = number.map_err(|_| Refusal::new(StatusCode::BAD_REQUEST, "a point is a whole number"))?;
+    let number = number.map_err(|_| ApiError::new(StatusCode::BAD_REQUEST, "a point is a whole number"))?;
     let read = move |view: Arc<View>| view.point(node, number);
     let point = reading(&shared, &place.name, Some(asked.revision), read).await?;
     let attributes: Vec<_> =
@@ -188,8 +188,8 @@ pub(super) async fn point(
     Ok(([(header::CACHE_CONTROL, FOR_EVER)], Json(answer)).into_response())
 }
 
-fn node(place: &Place) -> Result<crate::serve::viewer::NodeName, Refusal> {
-    place.node.parse().map_err(|error| Refusal::new(StatusCode::BAD_REQUEST, format!("{error}")))
+fn node(place: &Place) -> Result<crate::serve::viewer::NodeName, ApiError> {
+    place.node.parse().map_err(|error| ApiError::new(StatusCode::BAD_REQUEST, format!("{error}")))
 }
 
 fn bytes(bytes: Vec<u8>) -> Response {

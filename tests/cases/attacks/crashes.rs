@@ -8,10 +8,10 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use lodestone::convert::context::Context;
-use lodestone::convert::preview::{Options, Preview};
+use lodestone::convert::preview::{PreviewManifest, PreviewOptions};
 use lodestone::render::RenderError;
 use lodestone::serve::job::State;
-use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
+use lodestone::serve::scheduler::converter::{ConversionResult, Converter, Failure, Work};
 
 use crate::common::{self, mix};
 use crate::daemon_support::{Daemon, las, wait_for};
@@ -44,23 +44,23 @@ impl Works {
 }
 
 impl Converter for Works {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
         let name = work.options.name.clone().unwrap_or_default();
         if !self.run(&name, context) {
             return Err(Failure { message: "stopped".into(), may_pass: true, panicked: false });
         }
         fs::create_dir_all(&work.output).unwrap();
         fs::write(work.output.join("metadata.json"), name).unwrap();
-        Ok(Report { points_in: 10, points_out: 10, ..Report::default() })
+        Ok(ConversionResult { points_in: 10, points_out: 10, ..ConversionResult::default() })
     }
 
     fn preview(
         &self,
         octree: &Path,
         _: &Path,
-        _: &Options,
+        _: &PreviewOptions,
         context: &Context,
-    ) -> lodestone::render::Result<Preview> {
+    ) -> lodestone::render::Result<PreviewManifest> {
         let name = format!("picture of {}", octree.file_name().unwrap().to_str().unwrap());
         self.run(&name, context);
         Err(RenderError::Nothing { folder: octree.to_path_buf() })

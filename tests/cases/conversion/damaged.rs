@@ -9,9 +9,9 @@ use std::process::Command;
 use crate::common::{convert, options_of, surface, write_las};
 use crate::daemon_support::{Daemon, las};
 use lodestone::convert::options::{Damaged, Options};
-use lodestone::convert::run::Outcome;
+use lodestone::convert::run::ConversionOutcome;
 use lodestone::format::las::{LasFile, record_length};
-use lodestone::verify::{self, Report, Spacing};
+use lodestone::verify::{self, SpacingRule, VerifyReport};
 
 /// Three LAZ chunks, the last of them shorter.
 const POINTS: u64 = 120_000;
@@ -43,7 +43,7 @@ impl Bench {
         self.folder.path().join("octree")
     }
 
-    fn convert(&self, bytes: &[u8], damaged: Damaged) -> Result<Outcome, String> {
+    fn convert(&self, bytes: &[u8], damaged: Damaged) -> Result<ConversionOutcome, String> {
         fs::write(self.input(), bytes).unwrap();
         let _ = fs::remove_dir_all(self.octree());
         let options = Options { damaged, ..Options::default() };
@@ -59,7 +59,7 @@ impl Bench {
     }
 
     /// Converted as far as it can be read: these points of the whole, from and to.
-    fn is_kept(&self, bytes: &[u8], points: &[(u64, u64)]) -> Outcome {
+    fn is_kept(&self, bytes: &[u8], points: &[(u64, u64)]) -> ConversionOutcome {
         let outcome = self.convert(bytes, Damaged::Keep).unwrap();
         let readable: u64 = points.iter().map(|(from, to)| to - from).sum();
         assert_eq!((outcome.points_in, outcome.points_missing), (readable, POINTS - readable));
@@ -77,13 +77,13 @@ impl Bench {
     }
 }
 
-fn verified(octree: &Path, input: &Path, damaged: bool) -> Result<Report, verify::VerifyError> {
-    verify::verify(&verify::Request {
+fn verified(octree: &Path, input: &Path, damaged: bool) -> Result<VerifyReport, verify::VerifyError> {
+    verify::verify(&verify::VerifyRequest {
         octree: octree.to_path_buf(),
         against: vec![input.to_path_buf()],
         damaged,
         memory_limit: 1 << 30,
-        spacing: Spacing::Auto,
+        spacing: SpacingRule::Auto,
     })
 }
 

@@ -11,11 +11,11 @@ use lodestone::convert::options::{Encoding, LodColor, Options, Sampling};
 use lodestone::convert::run;
 use lodestone::format::potree::{Metadata, Node, OCTREE};
 use lodestone::lab::flip;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Recipe, SceneKind};
 use lodestone::octree::attribute::{ExtraField, Scalar};
 use lodestone::render::color::ColorBy;
 use lodestone::render::framing::View;
-use lodestone::render::octree_renderer::{Quality, Studio};
+use lodestone::render::octree_renderer::{OctreeRenderer, Quality};
 use lodestone::render::renderer::Choice;
 use lodestone::verify;
 
@@ -64,13 +64,13 @@ fn points(octree: &Path, lod_color: LodColor) -> Vec<(Node, Vec<Point>)> {
     nodes.into_iter().map(|(node, records)| (node, points(records))).collect()
 }
 
-fn report(octree: &Path, input: &Path) -> verify::Report {
-    verify::verify(&verify::Request {
+fn report(octree: &Path, input: &Path) -> verify::VerifyReport {
+    verify::verify(&verify::VerifyRequest {
         octree: octree.to_path_buf(),
         against: vec![input.to_path_buf()],
         damaged: false,
         memory_limit: 1 << 30,
-        spacing: verify::Spacing::Auto,
+        spacing: verify::SpacingRule::Auto,
     })
     .unwrap()
 }
@@ -168,7 +168,7 @@ fn pictures_show_the_means_of_either_mode() {
     let (input, output) = (cloud(folder.path(), 60_000), folder.path().join("octree"));
     let [kept, beside, instead] = [LodColor::Keep, LodColor::Attribute, LodColor::Average].map(|lod_color| {
         held_with(&input, &output, &with(lod_color), IN_CORE);
-        let mut studio = Studio::open(&output, ColorBy::Auto, Choice::Cpu).unwrap();
+        let mut studio = OctreeRenderer::open(&output, ColorBy::Auto, Choice::Cpu).unwrap();
         assert_eq!(studio.shows(), "rgb");
         studio.still([64, 64], View::Overview, &Quality::default()).unwrap().0
     });
@@ -182,13 +182,13 @@ fn a_picture_of_few_points_is_nearer_to_that_of_all() {
     let folder = tempfile::tempdir().unwrap();
     let noise = folder.path().join("noise.las");
     write_las(&noise, &options_of(3, false), &flat(400_000));
-    let scenes = [Kind::Terrain, Kind::Town, Kind::Interior];
+    let scenes = [SceneKind::Terrain, SceneKind::Town, SceneKind::Interior];
     let scenes = scenes.map(|kind| judge::write_scene(Recipe::new(kind, 400_000, 3), folder.path()));
     for input in [noise].into_iter().chain(scenes) {
         let drawn = |lod_color: LodColor, quality: &Quality| {
             let output = folder.path().join("octree");
             held_with(&input, &output, &with(lod_color), IN_CORE);
-            let mut studio = Studio::open(&output, ColorBy::Rgb, Choice::Cpu).unwrap();
+            let mut studio = OctreeRenderer::open(&output, ColorBy::Rgb, Choice::Cpu).unwrap();
             studio.still([64, 64], View::Overview, quality).unwrap().0
         };
         let all = drawn(LodColor::Keep, &Quality::full());
@@ -203,7 +203,12 @@ fn a_picture_of_few_points_is_nearer_to_that_of_all() {
 }
 
 /// Changes bytes of points that `is_meant` chooses, and gives the checker's word.
-fn spoiled(octree: &Path, input: &Path, name: &str, is_meant: impl Fn(&Node) -> bool) -> verify::Report {
+fn spoiled(
+    octree: &Path,
+    input: &Path,
+    name: &str,
+    is_meant: impl Fn(&Node) -> bool,
+) -> verify::VerifyReport {
     let (metadata, nodes) = all_records(octree);
     let schema = metadata.schema().unwrap();
     let (node, _) = nodes.iter().filter(|(node, _)| node.points > 0 && is_meant(node)).last().unwrap();

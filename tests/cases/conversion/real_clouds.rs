@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use lodestone::verify::{self, Report, Spacing};
+use lodestone::verify::{self, SpacingRule, VerifyReport};
 
 const LODESTONE: &str = env!("CARGO_BIN_EXE_lodestone");
 
@@ -29,13 +29,13 @@ fn convert(inputs: &[&Path], output: &Path, more: &[&str]) -> Output {
     lodestone(&arguments)
 }
 
-fn report(octree: &Path, against: &[&Path]) -> Report {
-    verify::verify(&verify::Request {
+fn report(octree: &Path, against: &[&Path]) -> VerifyReport {
+    verify::verify(&verify::VerifyRequest {
         damaged: false,
         octree: octree.to_path_buf(),
         against: against.iter().map(|p| p.to_path_buf()).collect(),
         memory_limit: 1 << 30,
-        spacing: Spacing::Auto,
+        spacing: SpacingRule::Auto,
     })
     .unwrap()
 }

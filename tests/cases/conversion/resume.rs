@@ -12,10 +12,10 @@ use std::time::Duration;
 
 use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::convert::checkpoint::journal;
-use lodestone::convert::checkpoint::receipt::{Receipt, Unit};
+use lodestone::convert::checkpoint::receipt::{JournalEntry, WorkUnit};
 use lodestone::convert::checkpoint::scratch::units_done;
 use lodestone::convert::options::{Encoding, LodColor, Options, Sampling};
-use lodestone::convert::run::{self, Outcome};
+use lodestone::convert::run::{self, ConversionOutcome};
 use lodestone::format::las::LasFile;
 use lodestone::platform::disk::Disk;
 
@@ -40,9 +40,9 @@ fn uninterrupted(folder: &Path, input: &Path, options: &Options) -> [Vec<u8>; 3]
 }
 
 /// Work that has receipts; none may come twice.
-fn units(scratch: &Path) -> Vec<Unit> {
+fn units(scratch: &Path) -> Vec<WorkUnit> {
     let receipts = journal::read(&scratch.join("journal")).unwrap();
-    receipts.iter().filter_map(Receipt::unit).collect()
+    receipts.iter().filter_map(JournalEntry::unit).collect()
 }
 
 /// The scratch folder that `convert` makes beside its output.
@@ -145,7 +145,7 @@ fn stopped(folder: &Path, input: &Path, options: &Options, stop_at: u64) {
     panic!("it was never stopped in time");
 }
 
-fn go_on(folder: &Path, input: &Path, options: &Options) -> Outcome {
+fn go_on(folder: &Path, input: &Path, options: &Options) -> ConversionOutcome {
     let request = request(&[input.to_path_buf()], &folder.join("octree"), options);
     run::convert(&request, &context(folder, 1, OUT_OF_CORE)).unwrap()
 }

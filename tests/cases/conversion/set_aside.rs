@@ -8,9 +8,9 @@ use std::process::Command;
 
 use crate::common::{context, octree_bytes, options_of, request, surface, write_las};
 use lodestone::convert::context::{Context, Snapshot, Stage};
-use lodestone::convert::options::{Mode, Options};
-use lodestone::convert::run::{self, Outcome};
-use lodestone::convert::values::record_range::Reason;
+use lodestone::convert::options::{GuardMode, Options};
+use lodestone::convert::run::{self, ConversionOutcome};
+use lodestone::convert::values::record_range::SetAsideReason;
 use lodestone::format::las::{LasFile, LasOptions, Vlr, record_length};
 use lodestone::format::potree::Metadata;
 use lodestone::octree::node::LEAF_LIMIT;
@@ -21,7 +21,7 @@ use serde_json::json;
 const IN_CORE: u64 = 2 << 30;
 const OUT_OF_CORE: u64 = 45 << 20;
 
-fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> Outcome {
+fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> ConversionOutcome {
     let _ = fs::remove_dir_all(output);
     let inputs = [input.to_path_buf()];
     let folder = output.parent().unwrap();
@@ -30,12 +30,12 @@ fn convert(input: &Path, output: &Path, options: &Options, memory: u64) -> Outco
 
 /// Holds octree and set-aside files against the input.
 fn verified(output: &Path, input: &Path, set_aside: u64) {
-    let report = verify::verify(&verify::Request {
+    let report = verify::verify(&verify::VerifyRequest {
         damaged: false,
         octree: output.to_path_buf(),
         against: vec![input.to_path_buf()],
         memory_limit: 1 << 30,
-        spacing: verify::Spacing::Auto,
+        spacing: verify::SpacingRule::Auto,
     })
     .unwrap();
     assert!(report.ok, "{report}");
@@ -111,7 +111,7 @@ fn six_outliers_cost_no_level_no_scale_and_no_point() {
     let mut first = None;
     for memory in [IN_CORE, OUT_OF_CORE] {
         let outcome = convert(&at("with.laz"), &at("octree"), &Options::default(), memory);
-        assert_eq!(outcome.set_aside.get(&Reason::Outlier), Some(&6), "{outcome:?}");
+        assert_eq!(outcome.set_aside.get(&SetAsideReason::Outlier), Some(&6), "{outcome:?}");
         assert!(outcome.notes.iter().any(|note| note.contains("6 of 300000 points")), "{:?}", outcome.notes);
         assert_eq!(depth(&at("octree")), depth(&at("expected")));
         assert_eq!(reasons(&at("octree/set-aside.laz")), [1; 6]);
@@ -119,12 +119,12 @@ fn six_outliers_cost_no_level_no_scale_and_no_point() {
         let bytes = (octree_bytes(&at("octree")), fs::read(at("octree/set-aside.laz")).unwrap());
         assert!(first.get_or_insert_with(|| bytes.clone()) == &bytes);
     }
-    let keep = Options { outliers: Mode::Keep, ..Options::default() };
+    let keep = Options { outliers: GuardMode::Keep, ..Options::default() };
     let outcome = convert(&at("with.laz"), &at("octree"), &keep, IN_CORE);
     assert_eq!((outcome.points_set_aside, outcome.points_out), (0, 300_000));
     assert!(depth(&at("octree")) > depth(&at("expected")) + 8, "the levels that the guard saves");
     verified(&at("octree"), &at("with.laz"), 0);
-    let drop = Options { outliers: Mode::Drop, ..Options::default() };
+    let drop = Options { outliers: GuardMode::Drop, ..Options::default() };
     let outcome = convert(&at("with.laz"), &at("octree"), &drop, IN_CORE);
     assert_eq!((outcome.points_set_aside, outcome.points_dropped), (6, 6));
     assert_eq!((outcome.points_out, outcome.files_aside), (299_994, vec![]));
@@ -151,7 +151,10 @@ fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
             let aside = outcome.points_set_aside as usize;
             // One of the surface's points may lie there, too.
             assert!((crowd - LEAF_LIMIT..=crowd - LEAF_LIMIT + 1).contains(&aside), "{crowd}: {aside}");
-            assert_eq!(outcome.set_aside.keys().copied().find(|reason| *reason != Reason::Duplicate), None);
+            assert_eq!(
+                outcome.set_aside.keys().copied().find(|reason| *reason != SetAsideReason::Duplicate),
+                None
+            );
             verified(&at("octree"), &input, aside as u64);
             if aside > 0 {
                 assert!(depth(&at("octree")) <= depth(&at("plain")) + 1, "{crowd}: {}", depth(&at("octree")));
@@ -162,11 +165,11 @@ fn of_a_crowd_at_one_position_a_leafs_worth_stays_and_no_chain_of_levels() {
         }
     }
     let input = at("crowd.las");
-    let keep = Options { duplicates: Mode::Keep, ..Options::default() };
+    let keep = Options { duplicates: GuardMode::Keep, ..Options::default() };
     let outcome = convert(&input, &at("octree"), &keep, IN_CORE);
     assert_eq!(outcome.points_set_aside, 0);
     verified(&at("octree"), &input, 0);
-    let drop = Options { duplicates: Mode::Drop, ..Options::default() };
+    let drop = Options { duplicates: GuardMode::Drop, ..Options::default() };
     let outcome = convert(&input, &at("octree"), &drop, IN_CORE);
     assert_eq!(outcome.points_in, outcome.points_out + outcome.points_set_aside);
     assert!(outcome.points_set_aside > 0 && !at("octree/set-aside.laz").exists());
@@ -189,16 +192,16 @@ fn exact_twins_are_set_aside_on_request_and_near_twins_never() {
         }
     }
     write_las(&at("twins.laz"), &options_of(1, true), &records);
-    let options = Options { twins: Mode::SetAside, ..Options::default() };
+    let options = Options { twins: GuardMode::SetAside, ..Options::default() };
     for memory in [IN_CORE, OUT_OF_CORE] {
         let outcome = convert(&at("twins.laz"), &at("octree"), &options, memory);
-        assert_eq!(outcome.set_aside.get(&Reason::Twin), Some(&6_000), "{outcome:?}");
+        assert_eq!(outcome.set_aside.get(&SetAsideReason::Twin), Some(&6_000), "{outcome:?}");
         assert_eq!(reasons(&at("octree/set-aside.laz")), vec![3; 6_000]);
         verified(&at("octree"), &at("twins.laz"), 6_000);
     }
     let outcome = convert(&at("twins.laz"), &at("octree"), &Options::default(), IN_CORE);
     assert_eq!(outcome.points_set_aside, 0);
-    let drop = Options { twins: Mode::Drop, ..Options::default() };
+    let drop = Options { twins: GuardMode::Drop, ..Options::default() };
     let outcome = convert(&at("twins.laz"), &at("octree"), &drop, IN_CORE);
     assert_eq!((outcome.points_set_aside, outcome.points_dropped), (6_000, 6_000));
     assert_eq!((outcome.points_out, outcome.files_aside), (66_000, vec![]));
@@ -210,7 +213,7 @@ fn of_a_crowd_twins_go_first_and_of_the_others_a_leafs_worth_stays() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let length = record_length(1).unwrap();
-    let options = Options { twins: Mode::SetAside, ..Options::default() };
+    let options = Options { twins: GuardMode::SetAside, ..Options::default() };
     // Less than a chunk may hold, and more. Five that come again and again stand
     // before those that differ, by their times.
     for (copies, others) in [(20_000, 15_000), (230_000, 40_000), (250_000, 500)] {
@@ -232,7 +235,7 @@ fn of_a_crowd_twins_go_first_and_of_the_others_a_leafs_worth_stays() {
         for memory in [IN_CORE, OUT_OF_CORE] {
             let outcome = convert(&at("crowd.las"), &at("octree"), &options, memory);
             let aside = |reason| outcome.set_aside.get(&reason).copied().unwrap_or(0);
-            assert_eq!((aside(Reason::Twin), aside(Reason::Duplicate)), (twins, duplicates));
+            assert_eq!((aside(SetAsideReason::Twin), aside(SetAsideReason::Duplicate)), (twins, duplicates));
             let reasons = reasons(&at("octree/set-aside.laz"));
             assert_eq!(reasons.iter().filter(|reason| **reason == 3).count() as u64, twins);
             verified(&at("octree"), &at("crowd.las"), twins + duplicates);
@@ -324,7 +327,8 @@ fn files_of_different_layouts_have_what_is_set_aside_in_files_of_their_own() {
     // What was set aside is a cloud like any other, and can be converted.
     let again = folder.path().join("again");
     let input: PathBuf = output.join(&outcome.files_aside[0]);
-    let aside = convert(&input, &again, &Options { duplicates: Mode::Keep, ..Options::default() }, IN_CORE);
+    let aside =
+        convert(&input, &again, &Options { duplicates: GuardMode::Keep, ..Options::default() }, IN_CORE);
     assert!(aside.points_out > 0);
     verified(&again, &input, 0);
 }

@@ -9,9 +9,9 @@ use crate::common::{
     all_records, context, convert, data, listing, octree_bytes, options_of, request, surface, write_las,
 };
 use lodestone::convert::formats::Formats;
-use lodestone::convert::options::{Encoding, LodColor, Mode, Options};
+use lodestone::convert::options::{Encoding, GuardMode, LodColor, Options};
 use lodestone::convert::run;
-use lodestone::format::las::{GpsTime, LasFile, LasWriter};
+use lodestone::format::las::{GpsEpoch, LasFile, LasWriter};
 use lodestone::octree::acquisition::total_order;
 use lodestone::octree::collapse::{MAX_LEVELS, MAX_POINTS};
 use lodestone::octree::node::NodeKey;
@@ -173,20 +173,20 @@ fn a_crowd_that_is_kept_is_one_node() {
         record[..12].copy_from_slice(&[1, 2, 0, 0, 3, 4, 0, 0, 5, 6, 0, 0]);
     }
     write_las(&input, &options_of(1, false), &records);
-    for duplicates in [Mode::Keep, Mode::SetAside] {
+    for duplicates in [GuardMode::Keep, GuardMode::SetAside] {
         let output = folder.path().join("out");
         let wanted = Options { duplicates, ..options(Formats::BOTH) };
         let outcome = convert(std::slice::from_ref(&input), &output, &wanted).unwrap();
         let most = agrees_with_the_octree(&output).iter().map(|node| node.points).max().unwrap();
-        assert_eq!(most > MAX_POINTS, duplicates == Mode::Keep, "{most}");
+        assert_eq!(most > MAX_POINTS, duplicates == GuardMode::Keep, "{most}");
         assert_eq!(outcome.points_out + outcome.points_set_aside, 120_000);
         fs::remove_dir_all(output).unwrap();
     }
 }
 
-fn timed(path: &Path, gps_time: GpsTime) {
+fn timed(path: &Path, gps_time: GpsEpoch) {
     let mut options = options_of(6, false);
-    if matches!(gps_time, GpsTime::Standard { offset } if offset != 1000) {
+    if matches!(gps_time, GpsEpoch::Standard { offset } if offset != 1000) {
         options.version = (1, 5);
     }
     let mut writer = LasWriter::create(path, &options).unwrap();
@@ -203,7 +203,7 @@ fn timed(path: &Path, gps_time: GpsTime) {
 fn times_that_one_file_cannot_hold_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let paths = ["week.las", "standard.las", "later.las"].map(|name| folder.path().join(name));
-    let times = [GpsTime::Week, GpsTime::ADJUSTED, GpsTime::Standard { offset: 1400 }];
+    let times = [GpsEpoch::Week, GpsEpoch::ADJUSTED, GpsEpoch::Standard { offset: 1400 }];
     paths.iter().zip(times).for_each(|(path, time)| timed(path, time));
     let [week, standard, later] = paths;
     let output = folder.path().join("out");
@@ -220,7 +220,7 @@ fn times_that_one_file_cannot_hold_are_refused() {
     // Alone, its times are moved to where COPC has them.
     tried(&[later, standard], Formats::COPC).unwrap();
     let file = LasFile::open(&copc_in(&output)).unwrap();
-    assert_eq!(file.header().gps_time, GpsTime::ADJUSTED);
+    assert_eq!(file.header().gps_time, GpsEpoch::ADJUSTED);
     let bytes = fs::read(copc_in(&output)).unwrap();
     let time = |at: usize| f64::from_le_bytes(bytes[429 + at..429 + at + 8].try_into().unwrap());
     assert_eq!((time(56), time(64)), (0.0, 400_000_999.0));

@@ -12,11 +12,11 @@ use std::time::Instant;
 use super::support::copc_bytes;
 use crate::common::{context, ended_before, listing, octree_bytes, options_of, request, surface, write_las};
 use lodestone::convert::checkpoint::journal;
-use lodestone::convert::checkpoint::receipt::{Receipt, Unit};
+use lodestone::convert::checkpoint::receipt::{JournalEntry, WorkUnit};
 use lodestone::convert::context::Stage;
 use lodestone::convert::formats::Formats;
 use lodestone::convert::options::Options;
-use lodestone::convert::request::Request;
+use lodestone::convert::request::ConversionRequest;
 use lodestone::convert::run;
 
 const STAGES: [Stage; 5] = [Stage::Survey, Stage::Distribute, Stage::Index, Stage::Merge, Stage::Publish];
@@ -104,15 +104,15 @@ impl Conversion {
 
 /// Units by stage that have receipts in a scratch folder.
 fn units(scratch: &Path, chunks: u64) -> [u64; 4] {
-    let units: BTreeSet<Unit> =
-        journal::read(&scratch.join("journal")).unwrap().iter().filter_map(Receipt::unit).collect();
+    let units: BTreeSet<WorkUnit> =
+        journal::read(&scratch.join("journal")).unwrap().iter().filter_map(JournalEntry::unit).collect();
     let mut done = [0; 4];
     for unit in units {
         match unit {
-            Unit::Spooled(_) | Unit::Surveyed => done[0] += 1,
-            Unit::Bucketed(_) => done[1] += 1,
-            Unit::Built(number) if u64::from(number) < chunks => done[2] += 1,
-            Unit::Built(_) => done[3] += 1,
+            WorkUnit::Spooled(_) | WorkUnit::Surveyed => done[0] += 1,
+            WorkUnit::Bucketed(_) => done[1] += 1,
+            WorkUnit::Built(number) if u64::from(number) < chunks => done[2] += 1,
+            WorkUnit::Built(_) => done[3] += 1,
         }
     }
     done
@@ -153,8 +153,10 @@ fn killed_at_every_stage_the_bytes_are_the_same() {
             let context = context(&at, *threads, conversion.memory() * 1_000_000);
             let output = at.join("kept");
             let options = Options { format, name: Some("cloud".into()), ..Options::default() };
-            let request =
-                Request { keep_scratch: true, ..request(std::slice::from_ref(&inputs), &output, &options) };
+            let request = ConversionRequest {
+                keep_scratch: true,
+                ..request(std::slice::from_ref(&inputs), &output, &options)
+            };
             let outcome = run::convert(&request, &context).unwrap();
             assert!(outcome.scratch_bytes > 0 && Some(copc_bytes(&output)) == expected);
             conversion.units = units(&context.scratch, outcome.chunks);

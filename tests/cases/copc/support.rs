@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use lodestone::format::copc::{ChunkDecoder, Described, Layout};
+use lodestone::format::copc::{Described, NodeDecoder, RecordLayout};
 use lodestone::format::potree::Metadata;
 use lodestone::octree::node::NodeKey;
 
@@ -59,8 +59,8 @@ pub fn nodes(file: &[u8]) -> Vec<Node> {
 
 /// A node's points as records of the octree whose metadata this is.
 pub fn octree_records(file: &[u8], node: &Node, metadata: &Metadata) -> Vec<u8> {
-    let layout = Layout::new(&metadata.schema().unwrap(), &Described::default()).unwrap();
-    let mut decoder = ChunkDecoder::new(layout.point_format(), layout.extra_bytes(), 3).unwrap();
+    let layout = RecordLayout::new(&metadata.schema().unwrap(), &Described::default()).unwrap();
+    let mut decoder = NodeDecoder::new(layout.point_format(), layout.extra_bytes(), 3).unwrap();
     let (mut las, mut records) = (Vec::new(), Vec::new());
     let chunk = &file[node.offset as usize..][..node.bytes];
     decoder.decode(chunk, node.points as u64, &mut las).unwrap();

@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 
 use crate::engine_support::{House, PATIENCE};
 use lodestone::convert::context::Context;
-use lodestone::convert::preview::{Options, Preview};
+use lodestone::convert::preview::{PreviewManifest, PreviewOptions};
 use lodestone::render::color::ColorBy;
 use lodestone::render::{self, RenderError};
 use lodestone::serve::config::Config;
 use lodestone::serve::job::{Event, State};
 use lodestone::serve::queue::{self, Drawn};
-use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
+use lodestone::serve::scheduler::converter::{ConversionResult, Converter, Failure, Work};
 
 /// What the painter does with an octree, attempt after attempt; the last for ever.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,19 +38,19 @@ struct Painter {
 }
 
 impl Converter for Painter {
-    fn convert(&self, work: &Work, _: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, _: &Context) -> Result<ConversionResult, Failure> {
         fs::create_dir_all(&work.output).unwrap();
         fs::copy(&work.inputs[0], work.output.join("metadata.json")).unwrap();
-        Ok(Report::default())
+        Ok(ConversionResult::default())
     }
 
     fn preview(
         &self,
         octree: &Path,
         into: &Path,
-        options: &Options,
+        options: &PreviewOptions,
         context: &Context,
-    ) -> render::Result<Preview> {
+    ) -> render::Result<PreviewManifest> {
         let name = octree.file_name().unwrap().to_str().unwrap().to_string();
         let act = {
             let mut acts = self.acts.lock().unwrap();

@@ -11,9 +11,9 @@ use crate::engine_support::wait;
 use lodestone::convert::context::{Context, Stage};
 use lodestone::platform::clock::Clock;
 use lodestone::serve::job::{Event, Job, State};
-use lodestone::serve::queue::{Admission, Store, StoreError};
+use lodestone::serve::queue::{EnqueueResult, Store, StoreError};
 use lodestone::serve::scheduler::Engine;
-use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
+use lodestone::serve::scheduler::converter::{ConversionResult, Converter, Failure, Work};
 
 type House = crate::engine_support::House<Script>;
 
@@ -37,7 +37,7 @@ struct Script {
 }
 
 impl Converter for Script {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
         let name = work.options.name.clone().unwrap_or_default();
         let act = {
             let mut acts = self.acts.lock().unwrap();
@@ -65,11 +65,11 @@ impl Converter for Script {
         std::fs::create_dir_all(&work.output).unwrap();
         let content = std::fs::read(&work.inputs[0]).unwrap();
         std::fs::write(work.output.join("metadata.json"), content).unwrap();
-        Ok(Report {
+        Ok(ConversionResult {
             points_in: 10,
             points_out: 10,
             json: serde_json::json!({"points_out": 10}),
-            ..Report::default()
+            ..ConversionResult::default()
         })
     }
 }
@@ -105,7 +105,7 @@ impl House {
 
 const PLAIN: &str = "disk_reserve = 0\nshutdown_seconds = 5";
 
-fn id(admission: Admission) -> i64 {
+fn id(admission: EnqueueResult) -> i64 {
     admission.job()
 }
 
@@ -135,7 +135,7 @@ async fn hopeless_jobs_fail_at_once_and_poison_ends_in_quarantine_until_the_file
     assert!(error.contains("bad said no") && error.contains("quarantine"), "{error}");
 
     house.acts("bad", &[Act::Succeed]);
-    assert_eq!(house.drop_file("bad", "rubbish").await, Admission::Released(job), "written again");
+    assert_eq!(house.drop_file("bad", "rubbish").await, EnqueueResult::Released(job), "written again");
     assert_eq!(house.turn_until(job, State::Done).await.strikes, 0);
 }
 
@@ -277,7 +277,7 @@ async fn new_content_calls_off_the_old_and_takes_its_place() {
     assert_eq!(house.octree("a").as_deref(), Some("new"));
     // And back: the old content's octree does not stand, so it is made again.
     let back = house.drop_file("a", "old").await;
-    assert_eq!(back, Admission::Released(old));
+    assert_eq!(back, EnqueueResult::Released(old));
     house.turn_until(old, State::Done).await;
     assert_eq!(house.octree("a").as_deref(), Some("old"));
     assert_eq!(house.job(new).await.superseded_by, Some(old));
@@ -287,10 +287,10 @@ async fn new_content_calls_off_the_old_and_takes_its_place() {
 async fn known_content_is_not_converted_twice() {
     let mut house = House::new(PLAIN).await;
     let job = id(house.drop_file("a", "x").await);
-    assert_eq!(house.drop_file("b", "x").await, Admission::Known(job), "while it waits");
+    assert_eq!(house.drop_file("b", "x").await, EnqueueResult::Known(job), "while it waits");
     house.turn_until(job, State::Done).await;
-    assert_eq!(house.drop_file("a", "x").await, Admission::Known(job), "touched");
-    assert_eq!(house.drop_file("c", "x").await, Admission::Known(job), "under another name");
+    assert_eq!(house.drop_file("a", "x").await, EnqueueResult::Known(job), "touched");
+    assert_eq!(house.drop_file("c", "x").await, EnqueueResult::Known(job), "under another name");
     house.engine.tick().await.unwrap();
     assert_eq!(house.runs().len(), 1);
 }
@@ -431,8 +431,8 @@ async fn a_lost_lease_throws_the_result_away() {
     assert!(store.claim(job, "one", 0).await.unwrap().is_some());
     assert!(store.claim(job, "two", 0).await.unwrap().is_none(), "claimed once");
     assert!(!store.stage(job, "two", (7, None), "{}", 0).await.unwrap());
-    let ending = lodestone::serve::queue::Ending {
-        end: lodestone::serve::job::retry_policy::End::Published,
+    let ending = lodestone::serve::queue::AttemptResult {
+        end: lodestone::serve::job::retry_policy::AttemptEnd::Published,
         error: None,
     };
     let policy = lodestone::serve::job::retry_policy::Policy::default();

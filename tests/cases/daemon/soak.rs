@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use crate::daemon_support::{Daemon, content, converted, las};
 use lodestone::convert::checkpoint::journal;
-use lodestone::convert::checkpoint::receipt::{Receipt, Unit};
+use lodestone::convert::checkpoint::receipt::{JournalEntry, WorkUnit};
 
 /// So little memory that the large data set is converted out of core.
 const ARGUMENTS: &[&str] = &["--memory-limit", "240M", "--threads", "2", "--max-strikes", "1000000"];
@@ -91,7 +91,7 @@ impl Chance {
 #[derive(Default)]
 struct Watch {
     /// Units with receipts by job.
-    units: BTreeMap<String, BTreeSet<Unit>>,
+    units: BTreeMap<String, BTreeSet<WorkUnit>>,
     /// Jobs whose journal the janitor has taken: they must be done.
     cleared: BTreeSet<i64>,
     /// Attempts of a job when it was first seen done.
@@ -108,8 +108,8 @@ impl Watch {
                 self.cleared.insert(job.trim_start_matches("job-").parse().expect("a number"));
             }
             let receipts = journal::read(&journal).expect("a journal");
-            let units: Vec<Unit> = receipts.iter().filter_map(Receipt::unit).collect();
-            let known: BTreeSet<Unit> = units.iter().copied().collect();
+            let units: Vec<WorkUnit> = receipts.iter().filter_map(JournalEntry::unit).collect();
+            let known: BTreeSet<WorkUnit> = units.iter().copied().collect();
             assert_eq!(known.len(), units.len(), "{job} did a unit twice: {units:?}");
             let before = self.units.insert(job.clone(), known.clone()).unwrap_or_default();
             assert!(known.is_superset(&before), "{job} lost a receipt");

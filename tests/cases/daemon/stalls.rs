@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use crate::engine_support::{PATIENCE, wait};
 use lodestone::convert::context::{Context, Stage};
 use lodestone::serve::job::{Event, State};
-use lodestone::serve::queue::Admission;
-use lodestone::serve::scheduler::converter::{Converter, Failure, Report, Work};
+use lodestone::serve::queue::EnqueueResult;
+use lodestone::serve::scheduler::converter::{ConversionResult, Converter, Failure, Work};
 
 type House = crate::engine_support::House<Puppet>;
 
@@ -29,7 +29,7 @@ struct Puppet {
 }
 
 impl Converter for Puppet {
-    fn convert(&self, work: &Work, context: &Context) -> Result<Report, Failure> {
+    fn convert(&self, work: &Work, context: &Context) -> Result<ConversionResult, Failure> {
         let name = work.options.name.clone().unwrap_or_default();
         context.progress.begin(Stage::Index, 1_000_000);
         self.runs.fetch_add(1, Ordering::SeqCst);
@@ -47,7 +47,7 @@ impl Converter for Puppet {
         std::fs::create_dir_all(&work.output).unwrap();
         std::fs::write(work.output.join("metadata.json"), std::fs::read(&work.inputs[0]).unwrap()).unwrap();
         self.ended.fetch_add(1, Ordering::SeqCst);
-        Ok(Report { points_in: 1, points_out: 1, ..Report::default() })
+        Ok(ConversionResult { points_in: 1, points_out: 1, ..ConversionResult::default() })
     }
 }
 
@@ -228,9 +228,9 @@ async fn old_records_go_but_never_one_that_stands_for_an_octree() {
         assert_eq!(store.job(job).await.is_ok(), stays, "job {job}");
     }
     // What stands is known still; what went is a new job, should it come again.
-    assert_eq!(house.drop_file("a", "one").await, Admission::Known(standing));
-    assert_eq!(house.drop_file("copy", "one").await, Admission::Known(standing));
-    assert!(matches!(house.drop_file("c", "three").await, Admission::New(_)));
+    assert_eq!(house.drop_file("a", "one").await, EnqueueResult::Known(standing));
+    assert_eq!(house.drop_file("copy", "one").await, EnqueueResult::Known(standing));
+    assert!(matches!(house.drop_file("c", "three").await, EnqueueResult::New(_)));
     assert_eq!(store.purge(now - DAY, &octrees).await.unwrap(), 0);
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use lodestone::convert::options::Options;
-use lodestone::format::las::{GpsTime, LasFile, LasOptions, LasWriter, record_length};
+use lodestone::format::las::{GpsEpoch, LasFile, LasOptions, LasWriter, record_length};
 
 use super::super::common::{all_records, convert, options_of, surface};
 use super::{case, octree_of, told};
@@ -22,7 +22,7 @@ fn write(path: &Path, offset: u16, times: &[f64]) {
         record[GPS_TIME..GPS_TIME + 8].copy_from_slice(&time.to_le_bytes());
     }
     let mut writer = LasWriter::create(path, &options).unwrap();
-    writer.set_gps_time(GpsTime::Standard { offset });
+    writer.set_gps_time(GpsEpoch::Standard { offset });
     writer.write(&records).unwrap();
     writer.finish().unwrap();
 }
@@ -58,7 +58,7 @@ fn las_1_5_is_read_to_its_last_point() {
         let file = LasFile::open(&path).unwrap();
         let header = file.header();
         assert_eq!((header.version, header.points), ((1, 5), 3000));
-        assert_eq!(header.gps_time, GpsTime::Standard { offset: 1400 });
+        assert_eq!(header.gps_time, GpsEpoch::Standard { offset: 1400 });
         assert_eq!(header.notes, [""; 0]);
         let held = octree_of(&path, folder.path());
         assert_eq!(held.metadata.gps_time_offset, Some(1400));
@@ -131,7 +131,7 @@ fn points_set_aside_keep_their_files_times() {
     let held = octree_of(&tiles, folder.path());
     assert_eq!(held.outcome.points_set_aside, 1);
     let aside = LasFile::open(&folder.path().join("octree/set-aside.laz")).unwrap();
-    assert_eq!(aside.header().gps_time, GpsTime::ADJUSTED);
+    assert_eq!(aside.header().gps_time, GpsEpoch::ADJUSTED);
     let records = super::records_of(aside.path());
     assert_eq!(records[GPS_TIME..GPS_TIME + 8], 400_002_500.0f64.to_le_bytes());
 }

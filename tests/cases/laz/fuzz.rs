@@ -30,7 +30,7 @@ fn seeds(dice: &mut Dice) -> Vec<Seeds> {
     for (point_format, version) in KINDS {
         for extra in [0, 2] {
             let oracle = Oracle::new(point_format, extra, version);
-            let shape = Shape::new(point_format, usize::from(extra), version).unwrap();
+            let shape = RecordShape::new(point_format, usize::from(extra), version).unwrap();
             let chunks = (0..24)
                 .map(|_| {
                     let points = [1, 2, 3, 5, 10, 30, 100, 400][dice.below(8) as usize];

@@ -13,7 +13,7 @@ use laz::record::{
     SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
 use laz::{LazItem, LazItemRecordBuilder, LazItemType, LazVlr};
-use lodestone::format::laz::{Decoder, Encoder, Shape};
+use lodestone::format::laz::{Decoder, Encoder, RecordShape};
 
 use clouds::{Dice, records};
 
@@ -107,7 +107,7 @@ const KINDS: [(u8, u16); 10] =
 /// Both codecs on the same clouds, with the same decoder and encoder for all.
 fn compare(point_format: u8, version: u16, extra: u16, sizes: &[usize], seed: u64) {
     let oracle = Oracle::new(point_format, extra, version);
-    let shape = Shape::new(point_format, usize::from(extra), version).unwrap();
+    let shape = RecordShape::new(point_format, usize::from(extra), version).unwrap();
     assert_eq!(shape.record_length(), oracle.length);
     let mut decoder = Decoder::new(shape);
     let mut encoder = Encoder::new(shape);
@@ -150,11 +150,11 @@ fn chunks_of_200_000_points_are_coded_as_laz_does() {
 fn shapes_that_are_left_to_laz() {
     for point_format in [4, 5, 9, 10, 11] {
         for version in 1..=4 {
-            assert_eq!(Shape::new(point_format, 0, version), None);
+            assert_eq!(RecordShape::new(point_format, 0, version), None);
         }
     }
     for (point_format, version) in [(0, 1), (3, 1), (0, 3), (6, 2), (8, 1), (6, 5)] {
-        assert_eq!(Shape::new(point_format, 0, version), None);
+        assert_eq!(RecordShape::new(point_format, 0, version), None);
     }
 }
 
@@ -163,7 +163,7 @@ fn shapes_that_are_left_to_laz() {
 #[test]
 fn times_that_are_no_numbers_are_kept_bit_by_bit() {
     let oracle = Oracle::new(6, 0, 3);
-    let shape = Shape::new(6, 0, 3).unwrap();
+    let shape = RecordShape::new(6, 0, 3).unwrap();
     let nan = f64::from_bits(0x7FF8_0000_0000_1234);
     for (times, as_laz) in [
         ([f64::NAN, f64::NAN, nan, nan, 1.0], true),

@@ -42,7 +42,8 @@ fn write(path: &Path, kept: usize) -> Vec<Vec<u8>> {
 
     let table_at = plain.len();
     plain.extend_from_slice(&[0; 8]);
-    let mut encoder = Encoder::new(Shape::new(POINT_FORMAT, 0, 3).expect("a shape")).expect("an encoder");
+    let mut encoder =
+        Encoder::new(RecordShape::new(POINT_FORMAT, 0, 3).expect("a shape")).expect("an encoder");
     let mut table = ChunkTable::with_capacity(POINTS / CHUNK);
     let mut first = Vec::new();
     for points in records.chunks(CHUNK * RECORD) {

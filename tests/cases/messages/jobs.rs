@@ -4,22 +4,22 @@
 use std::fs;
 use std::path::Path;
 
-use lodestone::serve::job::retry_policy::{End, Policy};
-use lodestone::serve::job::{Event, Input, Job, State};
-use lodestone::serve::queue::{Arrival, Ending, Kind, Store};
+use lodestone::serve::job::retry_policy::{AttemptEnd, Policy};
+use lodestone::serve::job::{Event, Job, QueuedFile, State};
+use lodestone::serve::queue::{AttemptResult, DataSetKind, NewDataSet, Store};
 use serde_json::Value;
 
 use super::{lodestone, stderr, stdout, text};
 use crate::daemon_support::{Daemon, fill_folder, las, wait_for};
 
-fn arrival(content: &str) -> Arrival {
-    Arrival {
+fn arrival(content: &str) -> NewDataSet {
+    NewDataSet {
         path: "/in/a.las".into(),
-        kind: Kind::File,
+        kind: DataSetKind::File,
         name: "a".into(),
         stamp: content.into(),
         content_key: content.into(),
-        inputs: vec![Input {
+        inputs: vec![QueuedFile {
             path: "/in/a.las".into(),
             size: 9,
             mtime_ns: 0,
@@ -36,8 +36,8 @@ fn arrival(content: &str) -> Arrival {
     }
 }
 
-async fn end(store: &Store, job: i64, end: End, error: Option<&str>) -> Job {
-    let ending = Ending { end, error: error.map(str::to_string) };
+async fn end(store: &Store, job: i64, end: AttemptEnd, error: Option<&str>) -> Job {
+    let ending = AttemptResult { end, error: error.map(str::to_string) };
     store.finish(job, "me", &ending, &Policy::default(), 5000).await.expect("recorded").expect("ours");
     store.job(job).await.expect("there")
 }
@@ -64,15 +64,15 @@ fn a_superseded_job_says_by_which() {
         // Running.
         store.claim(second, "me", 2).await.expect("asked").expect("claimed");
         let third = store.take_in(&arrival("three"), 3).await.expect("taken").job();
-        let told = end(&store, second, End::Cancelled, None).await;
+        let told = end(&store, second, AttemptEnd::Cancelled, None).await;
         assert_eq!((told.state, told.superseded_by), (State::Cancelled, Some(third)));
         assert!(told.error.expect("a reason").contains(&format!("job {third}")));
         // Done.
         store.claim(third, "me", 4).await.expect("asked").expect("claimed");
-        assert_eq!(end(&store, third, End::Published, None).await.superseded_by, None);
+        assert_eq!(end(&store, third, AttemptEnd::Published, None).await.superseded_by, None);
         let fourth = store.take_in(&arrival("four"), 5).await.expect("taken").job();
         store.claim(fourth, "me", 6).await.expect("asked").expect("claimed");
-        end(&store, fourth, End::Published, None).await;
+        end(&store, fourth, AttemptEnd::Published, None).await;
         assert_eq!(store.job(third).await.expect("there").superseded_by, Some(fourth));
         // Its content comes back: it is no longer superseded.
         let again = store.take_in(&arrival("two"), 7).await.expect("taken").job();
@@ -87,7 +87,7 @@ fn a_requeued_job_shows_no_old_error() {
         let job = store.take_in(&arrival("one"), 0).await.expect("taken").job();
         for event in [Event::Retry, Event::Retry] {
             store.claim(job, "me", 1).await.expect("asked").expect("claimed");
-            let told = end(&store, job, End::Hopeless, Some("it is broken")).await;
+            let told = end(&store, job, AttemptEnd::Hopeless, Some("it is broken")).await;
             assert!(told.error.expect("why").contains("it is broken"));
             store.order(job, event, 2).await.expect("ordered");
             let told = store.job(job).await.expect("there");
@@ -95,14 +95,14 @@ fn a_requeued_job_shows_no_old_error() {
         }
         // Written again, and so released; the history remembers.
         store.claim(job, "me", 3).await.expect("asked").expect("claimed");
-        end(&store, job, End::Hopeless, Some("it is broken")).await;
+        end(&store, job, AttemptEnd::Hopeless, Some("it is broken")).await;
         assert_eq!(store.take_in(&arrival("one"), 4).await.expect("taken").job(), job);
         assert_eq!(store.job(job).await.expect("there").error, None);
         let history = store.history(job).await.expect("read");
         assert!(history.iter().any(|line| line.detail.as_deref().is_some_and(|d| d.contains("broken"))));
         // One that is tried again by itself says why.
         store.claim(job, "me", 5).await.expect("asked").expect("claimed");
-        let told = end(&store, job, End::Passing, Some("the disk is away")).await;
+        let told = end(&store, job, AttemptEnd::Passing, Some("the disk is away")).await;
         assert_eq!((told.state, told.error.as_deref()), (State::Queued, Some("the disk is away")));
     });
 }

@@ -9,9 +9,9 @@ use crate::common::judge::{
     Held, IN_CORE, field, held, held_under, held_with, patch, write_points, write_scene,
 };
 use crate::common::{convert, octree_bytes};
-use lodestone::convert::options::{Mode, Options, Sampling};
-use lodestone::convert::values::record_range::Reason;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::convert::options::{GuardMode, Options, Sampling};
+use lodestone::convert::values::record_range::SetAsideReason;
+use lodestone::lab::synth::{Recipe, SceneKind};
 use lodestone::octree::chunk_plan::chunk_limit;
 use lodestone::octree::node::LEAF_LIMIT;
 use lodestone::octree::node_limit::NODE_LIMIT;
@@ -25,7 +25,7 @@ fn of(points: &[[i32; 3]], folder: &Path) -> Held {
     held(&input, &folder.join("octree"))
 }
 
-fn aside(held: &Held, reason: Reason) -> u64 {
+fn aside(held: &Held, reason: SetAsideReason) -> u64 {
     held.outcome.set_aside.get(&reason).copied().unwrap_or(0)
 }
 
@@ -34,10 +34,10 @@ fn identical_points_end_whatever_their_number() {
     let folder = tempfile::tempdir().unwrap();
     for points in [2, LEAF_LIMIT, LEAF_LIMIT + 1, 250_000] {
         let held = of(&vec![[77, -3, 12]; points], folder.path());
-        assert_eq!(aside(&held, Reason::Duplicate) as usize, points.saturating_sub(LEAF_LIMIT));
+        assert_eq!(aside(&held, SetAsideReason::Duplicate) as usize, points.saturating_sub(LEAF_LIMIT));
         assert_eq!((held.outcome.depth, held.outcome.nodes), (0, 1), "no level for a single position");
     }
-    let keep = Options { duplicates: Mode::Keep, ..Options::default() };
+    let keep = Options { duplicates: GuardMode::Keep, ..Options::default() };
     let held = held_under(&folder.path().join("cloud.las"), &folder.path().join("octree"), &keep);
     assert_eq!((held.outcome.points_out, held.outcome.depth), (250_000, 0));
 }
@@ -45,11 +45,11 @@ fn identical_points_end_whatever_their_number() {
 #[test]
 fn ninety_nine_of_a_hundred_points_at_one_position() {
     let folder = tempfile::tempdir().unwrap();
-    let recipe = |share| Recipe { share, ..Recipe::new(Kind::Duplicates, 300_000, 1) };
+    let recipe = |share| Recipe { share, ..Recipe::new(SceneKind::Duplicates, 300_000, 1) };
     let input = write_scene(recipe(0.99), folder.path());
     let held = held(&input, &folder.path().join("octree"));
     let beyond = (300_000.0 * 0.99) as u64 - LEAF_LIMIT as u64;
-    assert!(aside(&held, Reason::Duplicate).abs_diff(beyond) < 1000, "{:?}", held.outcome);
+    assert!(aside(&held, SetAsideReason::Duplicate).abs_diff(beyond) < 1000, "{:?}", held.outcome);
     // The other 3000 lie on half a hectare.
     assert!(held.outcome.depth <= 9, "{} levels for 13 000 points", held.outcome.depth);
 }
@@ -73,8 +73,8 @@ fn duplicates_that_appear_only_after_quantisation() {
     assert!(moved > 1e-4 && moved < x * 1.001, "{moved}, and {x} was told");
     let told = "x was rounded to 0.000256, by at most 0.000128, 128 of the finest input's units";
     assert!(held.outcome.notes.iter().any(|note| note.contains(told)), "{:?}", held.outcome.notes);
-    assert!(aside(&held, Reason::Duplicate) >= 10_000, "{:?}", held.outcome);
-    assert_eq!(aside(&held, Reason::Outlier), 0);
+    assert!(aside(&held, SetAsideReason::Duplicate) >= 10_000, "{:?}", held.outcome);
+    assert_eq!(aside(&held, SetAsideReason::Outlier), 0);
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn one_outlier_a_thousand_kilometres_away() {
     let without = of(&points, folder.path());
     points.push([1_000_000_000, 0, 0]);
     let with = of(&points, folder.path());
-    assert_eq!(aside(&with, Reason::Outlier), 1);
+    assert_eq!(aside(&with, SetAsideReason::Outlier), 1);
     assert_eq!(with.outcome.depth, without.outcome.depth);
     assert_eq!(with.metadata.spacing, without.metadata.spacing);
 }
@@ -126,7 +126,7 @@ fn tiles_that_do_not_adjoin() {
 #[test]
 fn a_regular_grid_keeps_its_nodes_within_their_bound() {
     let folder = tempfile::tempdir().unwrap();
-    let input = write_scene(Recipe::new(Kind::Volume, 64 * 64 * 64, 1), folder.path());
+    let input = write_scene(Recipe::new(SceneKind::Volume, 64 * 64 * 64, 1), folder.path());
     for sampling in [Sampling::Poisson, Sampling::Random] {
         let options = Options { sampling, ..Options::default() };
         let held = held_with(&input, &folder.path().join("octree"), &options, IN_CORE);
@@ -140,11 +140,11 @@ fn a_regular_grid_keeps_its_nodes_within_their_bound() {
 fn a_flat_cloud_a_line_and_a_single_position() {
     let folder = tempfile::tempdir().unwrap();
     // A quarter of the points each level down on a plane, half on a line.
-    for (kind, depth) in [(Kind::Flat, 4), (Kind::Line, 5), (Kind::Dot, 0)] {
+    for (kind, depth) in [(SceneKind::Flat, 4), (SceneKind::Line, 5), (SceneKind::Dot, 0)] {
         let input = write_scene(Recipe::new(kind, 60_000, 1), folder.path());
         let held = held(&input, &folder.path().join("octree"));
         assert!(held.outcome.depth <= depth, "{kind:?}: {} levels", held.outcome.depth);
-        let crowd = if kind == Kind::Dot { 60_000 - LEAF_LIMIT as u64 } else { 0 };
+        let crowd = if kind == SceneKind::Dot { 60_000 - LEAF_LIMIT as u64 } else { 0 };
         assert_eq!(held.outcome.points_set_aside, crowd, "{kind:?}");
     }
 }
@@ -266,7 +266,7 @@ fn a_fine_scale_with_an_offset_of_utm() {
 #[test]
 fn strips_of_different_scale_and_offset_meet_exactly() {
     let folder = tempfile::tempdir().unwrap();
-    let input = write_scene(Recipe::new(Kind::Strips, 60_000, 1), folder.path());
+    let input = write_scene(Recipe::new(SceneKind::Strips, 60_000, 1), folder.path());
     let held = held(&input, &folder.path().join("octree"));
     assert!(held.outcome.exact && held.outcome.files >= 4);
     assert_eq!(held.outcome.points_out, 60_000);

@@ -9,7 +9,7 @@ use crate::common::judge::{Held, IN_CORE, field, held, held_with, write_points, 
 use crate::common::{all_records, listing, octree_bytes};
 use lodestone::convert::options::{Encoding, Options, Sampling};
 use lodestone::format::potree;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Recipe, SceneKind};
 
 /// A cloud with a crowd and an outlier, at integers that a test can know.
 fn eventful(path: &Path) -> Vec<[i32; 3]> {
@@ -37,7 +37,7 @@ fn hierarchy_metadata_and_outcome_count_the_same_and_the_rest_has_a_reason() {
 #[test]
 fn every_byte_of_the_octree_belongs_to_a_node() {
     let folder = tempfile::tempdir().unwrap();
-    let input = write_scene(Recipe::new(Kind::Town, 150_000, 1), folder.path());
+    let input = write_scene(Recipe::new(SceneKind::Town, 150_000, 1), folder.path());
     let octree = folder.path().join("octree");
     for encoding in [Encoding::Default, Encoding::Brotli] {
         let options = Options { encoding, ..Options::default() };
@@ -58,7 +58,8 @@ fn every_byte_of_the_octree_belongs_to_a_node() {
 #[test]
 fn no_inner_node_is_empty_so_that_a_viewer_stops_there() {
     let folder = tempfile::tempdir().unwrap();
-    for kind in [Kind::Terrain, Kind::Interior, Kind::Volume, Kind::Line, Kind::Far] {
+    for kind in [SceneKind::Terrain, SceneKind::Interior, SceneKind::Volume, SceneKind::Line, SceneKind::Far]
+    {
         let input = write_scene(Recipe::new(kind, 40_000, 1), folder.path());
         for sampling in [Sampling::Poisson, Sampling::Random] {
             let options = Options { sampling, ..Options::default() };

@@ -1,8 +1,8 @@
 //! Charts and their page: valid markup whatever the figures are, and laid out in a
 //! real browser so that everything can be read.
 
-use chart::{Axis, Bar, Bars, Before, Better, Chart, Figure, Group, Item, Mark, Page, Panel, Pattern};
-use chart::{Patterns, Plot, Quantity, Reference, Section, Series, Style};
+use chart::{Axis, Bar, BarGroup, Bars, Before, Better, Chart, Figure, Mark, Page, PageItem, Panel, Pattern};
+use chart::{Patterns, Plot, PlotStyle, Quantity, ReferenceLine, Section, Series};
 use lodestone::lab::chart;
 use proptest::prelude::*;
 
@@ -109,19 +109,20 @@ fn axis() -> impl Strategy<Value = Axis> {
 }
 
 fn chart() -> impl Strategy<Value = Chart> {
-    let style = prop_oneof![3 => Just(Style::Front), 1 => Just(Style::Lines), 1 => Just(Style::Curves)];
+    let style =
+        prop_oneof![3 => Just(PlotStyle::Front), 1 => Just(PlotStyle::Lines), 1 => Just(PlotStyle::Curves)];
     let panels =
         prop::collection::vec((name(), series()).prop_map(|(name, series)| Panel { name, series }), 0..5);
     let plot = (name(), axis(), axis(), panels, style, any::<bool>(), value()).prop_map(
         |(title, x, y, panels, style, sized, level)| {
             let size = sized.then(|| Quantity { title: title.clone(), unit: String::new() });
-            let references = vec![Reference { y: level, name: title.clone() }];
+            let references = vec![ReferenceLine { y: level, name: title.clone() }];
             Chart::from(Plot { title, x, y, panels, style, size, references })
         },
     );
     let bar = (name(), value(), prop::option::of([value(), value()]), prop::option::of(value()));
     let bar = bar.prop_map(|(name, value, spread, before)| Bar { spread, before, ..Bar::new(&name, value) });
-    let group = (name(), prop::collection::vec(bar, 0..4)).prop_map(|(name, bars)| Group { name, bars });
+    let group = (name(), prop::collection::vec(bar, 0..4)).prop_map(|(name, bars)| BarGroup { name, bars });
     let bars = (name(), axis(), prop::collection::vec(group, 0..3));
     let bars = bars.prop_map(|(title, axis, groups)| Chart::from(Bars { title, axis, groups }));
     let dots = || prop::collection::vec([0.0..1.1, 0.0..1.1], 0..9);
@@ -137,8 +138,8 @@ proptest! {
     fn markup_is_valid_whatever_the_figures_are(chart in chart(), text in any::<String>()) {
         let alone = super::markup::elements(&chart.svg_standalone()).map_err(TestCaseError::fail)?;
         prop_assert_eq!(super::markup::odd_lengths(&alone), Vec::<String>::new());
-        let item = Item::Figure(Figure::new(chart, &text, &text));
-        let section = Section { heading: text.clone(), items: vec![Item::Text(text.clone()), item] };
+        let item = PageItem::Figure(Figure::new(chart, &text, &text));
+        let section = Section { heading: text.clone(), items: vec![PageItem::Text(text.clone()), item] };
         let page = Page { title: text.clone(), lead: text.clone(), sections: vec![section], foot: vec![(text.clone(), text)] };
         let page = super::markup::elements(&page.html()).map_err(TestCaseError::fail)?;
         prop_assert_eq!(super::markup::odd_lengths(&page), Vec::<String>::new());

@@ -2,8 +2,8 @@
 //! values without a place, names that are markup. The figures are made up.
 
 use lodestone::lab::chart::{
-    Axis, Bar, Bars, Before, Better, Cell, Column, Figure, Group, Item, Mark, Page, Panel, Pattern, Patterns,
-    Plot, Quantity, Reference, Section, Series, Style, Table,
+    Axis, Bar, BarGroup, Bars, Before, Better, Figure, Mark, Page, PageItem, Panel, Pattern, Patterns, Plot,
+    PlotStyle, Quantity, ReferenceLine, Section, Series, Table, TableCell, TableColumn,
 };
 
 /// Numbers from 0 to 1 that look random and are the same everywhere.
@@ -119,8 +119,8 @@ pub fn error_over_time(earlier: bool) -> Plot {
         x: Axis::log("time", "ms"),
         y: Axis::log("FLIP", ""),
         panels: vec![Panel { name: String::new(), series: methods(1.0, earlier) }],
-        references: vec![Reference { y: 0.02, name: "nobody sees it".into() }],
-        style: Style::Lines,
+        references: vec![ReferenceLine { y: 0.02, name: "nobody sees it".into() }],
+        style: PlotStyle::Lines,
         ..Plot::default()
     }
 }
@@ -153,8 +153,8 @@ pub fn spectra() -> Plot {
         x: Axis::linear("frequency", "1 = principal").better(Better::Neither),
         y: Axis::linear("power", "").better(Better::Neither),
         panels: patterns.map(panel).into(),
-        style: Style::Curves,
-        references: vec![Reference { y: 1.0, name: "white noise".into() }],
+        style: PlotStyle::Curves,
+        references: vec![ReferenceLine { y: 1.0, name: "white noise".into() }],
         ..Plot::default()
     }
 }
@@ -167,7 +167,7 @@ pub fn stages(axis: Axis) -> Bars {
             default: at == 0,
             ..Bar::new(name, x * scale)
         };
-        Group { name: name.into(), bars: SAMPLERS.iter().take(6).enumerate().map(bar).collect() }
+        BarGroup { name: name.into(), bars: SAMPLERS.iter().take(6).enumerate().map(bar).collect() }
     };
     Bars {
         title: "Time a point by scene".into(),
@@ -200,7 +200,7 @@ pub fn patterns() -> Patterns {
 }
 
 /// Charts with as good as nothing in them.
-pub fn edges() -> Vec<Item> {
+pub fn edges() -> Vec<PageItem> {
     let one = |x: f64, y: f64| Plot {
         title: "One mark".into(),
         panels: alone(vec![Series::new("alone", vec![Mark::at(x, y)])]),
@@ -210,14 +210,14 @@ pub fn edges() -> Vec<Item> {
     let line = |k: i32| Series::line(&format!("{k}"), [[10f64.powi(k * 3), 10f64.powi(-k)]]);
     let huge =
         Plot { title: "From tiny to huge".into(), panels: alone((-9..=9).map(line).collect()), ..samplers() };
-    let figure = |chart: Plot, says: &str| Item::Figure(Figure::new(chart, says, ""));
+    let figure = |chart: Plot, says: &str| PageItem::Figure(Figure::new(chart, says, ""));
     vec![
         figure(one(3.0, 4.0), "One mark is its own front."),
         figure(none, "What has no place is named."),
         figure(huge, "Twenty decades."),
-        Item::Figure(Figure::new(Plot { style: Style::Lines, ..Plot::default() }, "No lines.", "")),
-        Item::Figure(Figure::new(Bars::default(), "No bars.", "")),
-        Item::Figure(Figure::new(Patterns::default(), "No patterns.", "")),
+        PageItem::Figure(Figure::new(Plot { style: PlotStyle::Lines, ..Plot::default() }, "No lines.", "")),
+        PageItem::Figure(Figure::new(Bars::default(), "No bars.", "")),
+        PageItem::Figure(Figure::new(Patterns::default(), "No patterns.", "")),
     ]
 }
 
@@ -258,33 +258,37 @@ pub fn strange(seed: u64) -> Page {
         let size = Some(Quantity { title: "memory".into(), unit: "MB".into() });
         let panel = |k: usize| Panel { name: format!("scene {k}"), series: series.clone() };
         let (panels, style, references) = match at % 4 {
-            0 | 2 => (alone(series), Style::Front, Vec::new()),
+            0 | 2 => (alone(series), PlotStyle::Front, Vec::new()),
             rest => {
-                let style = if rest == 3 { Style::Curves } else { Style::Lines };
-                let level = Reference { y: 0.5, name: "half".into() };
+                let style = if rest == 3 { PlotStyle::Curves } else { PlotStyle::Lines };
+                let level = ReferenceLine { y: 0.5, name: "half".into() };
                 ((0..1 + at % 5).map(panel).collect(), style, vec![level])
             }
         };
         let chart = Plot { title, x, y, panels, style, size, references };
-        items.push(Item::Figure(Figure::new(chart, "", "")));
+        items.push(PageItem::Figure(Figure::new(chart, "", "")));
     }
     Page { sections: vec![Section { heading: "Strange".into(), items }], ..Page::default() }
 }
 
 pub fn page() -> Page {
     let figure = |chart: lodestone::lab::chart::Chart, says: &str, caption: &str| {
-        Item::Figure(Figure::new(chart, says, caption))
+        PageItem::Figure(Figure::new(chart, says, caption))
     };
     let table = Table {
         caption: "Scenes that break converters".into(),
-        columns: vec![Column::new("scene", ""), Column::new("time", "s"), Column::new("against terrain", "")],
+        columns: vec![
+            TableColumn::new("scene", ""),
+            TableColumn::new("time", "s"),
+            TableColumn::new("against terrain", ""),
+        ],
         rows: vec![
             vec![
-                Cell::Text("duplicates".into()),
-                Cell::Number(1.234),
-                Cell::Change { now: 1.2, before: 1.0 },
+                TableCell::Text("duplicates".into()),
+                TableCell::Number(1.234),
+                TableCell::Change { now: 1.2, before: 1.0 },
             ],
-            vec![Cell::Text("<outliers>".into()), Cell::Nothing, Cell::Nothing],
+            vec![TableCell::Text("<outliers>".into()), TableCell::Nothing, TableCell::Nothing],
         ],
     };
     let section = |heading: &str, items| Section { heading: heading.into(), items };
@@ -293,7 +297,7 @@ pub fn page() -> Page {
         lead: "What samplers and renderers cost, and what one gets for it.\n\nLower left is better throughout, unless an axis says otherwise.".into(),
         sections: vec![
             section("Samplers", vec![
-                Item::Text("Each sampler took samples of the same clouds, in turns.".into()),
+                PageItem::Text("Each sampler took samples of the same clouds, in turns.".into()),
                 figure(samplers().into(), "Inside-out is as even as the paper's shells, in a fifth of the time.", "20 M points of terrain, one thread, medians of five."),
                 figure(stages(Axis::linear("time a point", "ns")).into(), "The scene matters little.", "Whiskers: fastest and slowest of five."),
                 figure(stages(Axis::log("time a point", "ns")).into(), "The same on a logarithmic axis.", ""),
@@ -306,7 +310,7 @@ pub fn page() -> Page {
                 figure(scenes().into(), "In all scenes.", ""),
             ]),
             section("Limits", {
-                let mut items = vec![figure(crowd().into(), "A crowd of forty.", ""), Item::Table(table)];
+                let mut items = vec![figure(crowd().into(), "A crowd of forty.", ""), PageItem::Table(table)];
                 items.extend(edges());
                 items
             }),

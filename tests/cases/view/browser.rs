@@ -7,18 +7,18 @@ use super::octree_of;
 use crate::daemon_support::Daemon;
 use crate::page::drive;
 use lodestone::convert::options::Options;
-use lodestone::lab::synth::Kind;
-use lodestone::render::camera::Shot;
+use lodestone::lab::synth::SceneKind;
+use lodestone::render::camera::OrbitCamera;
 use lodestone::render::frame::Background;
 use lodestone::render::octree::Octree;
-use lodestone::render::sample::Sample;
+use lodestone::render::sample::CoarseSample;
 use lodestone::render::viewer::Description;
 
-const CLOUDS: [(&str, Kind); 3] =
-    [("terrain", Kind::Terrain), ("interior", Kind::Interior), ("town", Kind::Town)];
+const CLOUDS: [(&str, SceneKind); 3] =
+    [("terrain", SceneKind::Terrain), ("interior", SceneKind::Interior), ("town", SceneKind::Town)];
 
 /// A shot as an address has it.
-fn addressed(shot: &Shot) -> String {
+fn addressed(shot: &OrbitCamera) -> String {
     let numbers =
         [shot.target[0], shot.target[1], shot.target[2], shot.azimuth, shot.elevation, shot.distance];
     let numbers = numbers.map(|number| (number * 1e3).round() / 1e3);
@@ -38,9 +38,9 @@ fn the_viewer_draws_three_octrees_and_is_worked() {
         fs::create_dir_all(place.parent().unwrap()).unwrap();
         fs::rename(octree, &place).unwrap();
         let mut octree = Octree::open(&place).unwrap();
-        let sample = Sample::take(&mut octree).unwrap();
+        let sample = CoarseSample::take(&mut octree).unwrap();
         let start = Description::of(&octree, &sample, [320, 250]).start;
-        let text = addressed(&Shot {
+        let text = addressed(&OrbitCamera {
             target: start.target,
             azimuth: start.azimuth + 0.3,
             elevation: start.elevation,

@@ -2,10 +2,10 @@
 
 use super::{all_pages, octree_of};
 use lodestone::convert::options::{Encoding, Options};
-use lodestone::lab::synth::Kind;
-use lodestone::render::color::{ColorBy, Painter};
+use lodestone::lab::synth::SceneKind;
+use lodestone::render::color::{ColorBy, ColorMapper};
 use lodestone::render::octree::Octree;
-use lodestone::render::sample::Sample;
+use lodestone::render::sample::CoarseSample;
 use lodestone::render::viewer::attributes::{Legend, offers};
 use lodestone::render::viewer::description::Point;
 use lodestone::render::viewer::points::{STEPS, dequantized, encode};
@@ -15,9 +15,9 @@ use lodestone::render::viewer::{Description, Paint};
 /// octree; in pieces as in one.
 fn is_faithful(path: &std::path::Path) {
     let mut octree = Octree::open(path).unwrap();
-    let sample = Sample::take(&mut octree).unwrap();
+    let sample = CoarseSample::take(&mut octree).unwrap();
     let paint = Paint::by(&octree, &sample, "auto").unwrap();
-    let painter = Painter::choose(&octree, &sample, ColorBy::Auto).unwrap();
+    let painter = ColorMapper::choose(&octree, &sample, ColorBy::Auto).unwrap();
     let (_, nodes) = all_pages(&mut octree, 40);
     let all: u64 = nodes.values().map(|points| u64::from(*points)).sum();
     assert_eq!(all, octree.metadata.points);
@@ -54,9 +54,9 @@ fn is_faithful(path: &std::path::Path) {
 #[test]
 fn what_is_sent_is_the_octrees_own() {
     for (kind, encoding) in [
-        (Kind::Terrain, Encoding::Default),
-        (Kind::Interior, Encoding::Brotli),
-        (Kind::Volume, Encoding::Default),
+        (SceneKind::Terrain, Encoding::Default),
+        (SceneKind::Interior, Encoding::Brotli),
+        (SceneKind::Volume, Encoding::Default),
     ] {
         let folder = tempfile::tempdir().unwrap();
         is_faithful(&octree_of(kind, 60_000, folder.path(), &Options { encoding, ..Options::default() }));
@@ -88,7 +88,7 @@ fn copc_is_sent_from_coarse_to_fine() {
 #[test]
 fn pages_of_any_size_tell_the_same() {
     let folder = tempfile::tempdir().unwrap();
-    let path = octree_of(Kind::Town, 200_000, folder.path(), &Options::default());
+    let path = octree_of(SceneKind::Town, 200_000, folder.path(), &Options::default());
     let mut octree = Octree::open(&path).unwrap();
     let (one, nodes) = all_pages(&mut octree, 1_000_000);
     assert_eq!(one.len(), 1);
@@ -103,9 +103,9 @@ fn pages_of_any_size_tell_the_same() {
 #[test]
 fn every_attribute_can_be_colored_by() {
     let folder = tempfile::tempdir().unwrap();
-    let path = octree_of(Kind::Town, 30_000, folder.path(), &Options::default());
+    let path = octree_of(SceneKind::Town, 30_000, folder.path(), &Options::default());
     let mut octree = Octree::open(&path).unwrap();
-    let sample = Sample::take(&mut octree).unwrap();
+    let sample = CoarseSample::take(&mut octree).unwrap();
     let offers = offers(&octree, &sample);
     let named: Vec<&str> = offers.iter().map(|offer| offer.by.as_str()).collect();
     assert_eq!(named[..2], ["auto", "height"]);
@@ -137,7 +137,7 @@ fn every_attribute_can_be_colored_by() {
 #[test]
 fn a_picked_point_has_its_own_values() {
     let folder = tempfile::tempdir().unwrap();
-    let path = octree_of(Kind::Terrain, 5_000, folder.path(), &Options::default());
+    let path = octree_of(SceneKind::Terrain, 5_000, folder.path(), &Options::default());
     let mut octree = Octree::open(&path).unwrap();
     let node = octree.node("r".parse().unwrap()).unwrap().unwrap();
     let at = node.points - 1;
@@ -157,9 +157,9 @@ fn a_picked_point_has_its_own_values() {
 #[test]
 fn a_description_says_where_to_stand() {
     let folder = tempfile::tempdir().unwrap();
-    let path = octree_of(Kind::Terrain, 20_000, folder.path(), &Options::default());
+    let path = octree_of(SceneKind::Terrain, 20_000, folder.path(), &Options::default());
     let mut octree = Octree::open(&path).unwrap();
-    let sample = Sample::take(&mut octree).unwrap();
+    let sample = CoarseSample::take(&mut octree).unwrap();
     let [wide, tall] = [[1600, 400], [300, 700]].map(|size| Description::of(&octree, &sample, size));
     assert!(tall.start.distance > wide.start.distance * 0.5 && tall.start != wide.start);
     assert_eq!(wide.points, 20_000);

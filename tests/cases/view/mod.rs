@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use crate::common::judge::write_scene;
 use lodestone::convert::options::Options;
 use lodestone::format::potree::NodeName;
-use lodestone::lab::synth::{Kind, Recipe};
+use lodestone::lab::synth::{Recipe, SceneKind};
 use lodestone::render::octree::Octree;
 use lodestone::render::viewer::pages;
 
 /// An octree of a scene.
-fn octree_of(kind: Kind, points: u64, folder: &Path, options: &Options) -> PathBuf {
+fn octree_of(kind: SceneKind, points: u64, folder: &Path, options: &Options) -> PathBuf {
     let cloud = write_scene(Recipe::new(kind, points, 5), folder);
     let output = folder.join("octree");
     crate::common::convert(&[cloud], &output, options).unwrap();

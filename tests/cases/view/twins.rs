@@ -10,22 +10,23 @@ use serde_json::{Value, json};
 use super::{all_pages, octree_of};
 use crate::common::mix;
 use lodestone::convert::options::Options;
-use lodestone::lab::synth::Kind;
-use lodestone::render::camera::{Camera, Shot};
-use lodestone::render::node_selection::{Wanted, select};
+use lodestone::lab::synth::SceneKind;
+use lodestone::render::camera::{Camera, OrbitCamera};
+use lodestone::render::node_selection::{SelectionRequest, select};
 use lodestone::render::octree::Octree;
-use lodestone::render::sample::Sample;
+use lodestone::render::sample::CoarseSample;
 use lodestone::render::viewer::Description;
 
 const CAMERAS: u64 = 200;
-const KINDS: [Kind; 5] = [Kind::Terrain, Kind::Town, Kind::Interior, Kind::Object, Kind::Outliers];
+const KINDS: [SceneKind; 5] =
+    [SceneKind::Terrain, SceneKind::Town, SceneKind::Interior, SceneKind::Object, SceneKind::Outliers];
 
 /// A camera somewhere around or in a cloud, and what it asks for; by chance.
-fn case(seed: u64, bounds: &[[f64; 3]; 2]) -> (Camera, Wanted) {
+fn case(seed: u64, bounds: &[[f64; 3]; 2]) -> (Camera, SelectionRequest) {
     let share = |n: u64| (mix(seed ^ n << 32) >> 11) as f64 / (1u64 << 53) as f64;
     let target = std::array::from_fn(|i| bounds[0][i] + share(i as u64) * (bounds[1][i] - bounds[0][i]));
     let extent = (0..3).map(|i| bounds[1][i] - bounds[0][i]).fold(1e-3, f64::max);
-    let shot = Shot {
+    let shot = OrbitCamera {
         target,
         azimuth: share(3) * 7.0 - 3.5,
         elevation: share(4) * 3.0 - 1.5,
@@ -34,8 +35,12 @@ fn case(seed: u64, bounds: &[[f64; 3]; 2]) -> (Camera, Wanted) {
     let top =
         if share(6) < 0.2 { bounds[0][2] + share(7) * (bounds[1][2] - bounds[0][2]) } else { f64::INFINITY };
     let size = [100 + (share(8) * 3000.0) as u32, 100 + (share(9) * 2000.0) as u32];
-    let wanted =
-        Wanted { spacing: 0.5 + share(10) * 3.0, budget: 500 + (share(11) * 90_000.0) as u64, size, top };
+    let wanted = SelectionRequest {
+        spacing: 0.5 + share(10) * 3.0,
+        budget: 500 + (share(11) * 90_000.0) as u64,
+        size,
+        top,
+    };
     (shot.camera(), wanted)
 }
 
@@ -44,10 +49,10 @@ fn finite(value: f64) -> Value {
 }
 
 /// An octree as the scripts are told of it, with what Rust chooses.
-fn fixture(kind: Kind, folder: &Path) -> Value {
+fn fixture(kind: SceneKind, folder: &Path) -> Value {
     let path = octree_of(kind, 60_000, folder, &Options::default());
     let mut octree = Octree::open(&path).unwrap();
-    let sample = Sample::take(&mut octree).unwrap();
+    let sample = CoarseSample::take(&mut octree).unwrap();
     let description = Description::of(&octree, &sample, [800, 600]);
     let (pages, _) = all_pages(&mut octree, 30);
     let pages: Vec<Value> =
@@ -104,9 +109,9 @@ fn the_loader_asks_once_and_tries_again() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = octree_of(Kind::Town, 60_000, folder.path(), &Options::default());
+    let path = octree_of(SceneKind::Town, 60_000, folder.path(), &Options::default());
     let mut octree = Octree::open(&path).unwrap();
-    let sample = Sample::take(&mut octree).unwrap();
+    let sample = CoarseSample::take(&mut octree).unwrap();
     let description = Description::of(&octree, &sample, [800, 600]);
     let (pages, nodes) = all_pages(&mut octree, 30);
     let pages: Vec<Value> =

@@ -19,7 +19,7 @@ const MOST_SWITCHES: u32 = 16;
 const MOST_EXTREMES: i32 = 3;
 
 /// The state of a stream of times.
-pub struct Times {
+pub struct GpsTimeState {
     last: usize,
     next: usize,
     /// The bits of the last time of each sequence, as an integer.
@@ -34,11 +34,11 @@ pub struct Times {
     numbers: IntegerDecompressor,
 }
 
-impl Times {
-    pub fn new(first: i64, may_repeat: bool) -> Times {
+impl GpsTimeState {
+    pub fn new(first: i64, may_repeat: bool) -> GpsTimeState {
         let more = u32::from(may_repeat);
         let multiples = (MOST - LEAST) as u32;
-        Times {
+        GpsTimeState {
             last: 0,
             next: 0,
             times: [first, 0, 0, 0],
@@ -131,11 +131,11 @@ impl Times {
 }
 
 /// The field of the point formats 1, 3, 4 and 5 (version 2 of LASzip).
-pub struct GpsTime(Times);
+pub struct GpsTime(GpsTimeState);
 
 impl Default for GpsTime {
     fn default() -> GpsTime {
-        GpsTime(Times::new(0, true))
+        GpsTime(GpsTimeState::new(0, true))
     }
 }
 
@@ -148,7 +148,7 @@ impl<R: Read> FieldDecompressor<R> for GpsTime {
         let mut bytes = [0; 8];
         from.read_exact(&mut bytes)?;
         record.copy_from_slice(&bytes);
-        self.0 = Times::new(i64::from_le_bytes(bytes), true);
+        self.0 = GpsTimeState::new(i64::from_le_bytes(bytes), true);
         Ok(())
     }
 

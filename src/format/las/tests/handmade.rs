@@ -3,7 +3,7 @@
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::{LazVlr, LazVlrBuilder};
 
-use super::super::Reading;
+use super::super::ReadMode;
 use super::super::coding::Coding;
 use super::*;
 use crate::platform::disk::others::Links;
@@ -76,10 +76,10 @@ impl Handmade {
     }
 
     pub fn open(&self) -> Result<LasFile, LasError> {
-        self.open_as(Reading::Whole)
+        self.open_as(ReadMode::Whole)
     }
 
-    pub fn open_as(&self, reading: Reading) -> Result<LasFile, LasError> {
+    pub fn open_as(&self, reading: ReadMode) -> Result<LasFile, LasError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), &self.bytes).unwrap();
         LasFile::open_as(file.path(), reading, Links::Followed)

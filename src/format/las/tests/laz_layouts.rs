@@ -1,7 +1,7 @@
 //! LAZ files that no writer of ours makes: chunks of many sizes, tables at the
 //! end, wrong or missing, streams that break.
 
-use super::super::Reading;
+use super::super::ReadMode;
 use super::super::explore::MOST_CHUNKS_TO_COUNT;
 use super::handmade::*;
 use super::*;
@@ -208,7 +208,7 @@ fn a_stream_is_not_left_before_its_points_end() {
         let LasError::Contradiction { said: told, there, .. } = error else { panic!("{error}") };
         assert_eq!(told, u64::from(said));
         assert!((220..230).contains(&there), "{there}");
-        let file = made.open_as(Reading::Readable).unwrap();
+        let file = made.open_as(ReadMode::Readable).unwrap();
         assert_eq!(file.header().points, there);
         let length = 28 * there as usize;
         assert!(read_all(&file, 100).unwrap() == made.records[..length], "{said}");
@@ -312,7 +312,7 @@ fn layers_without_chunks_are_refused() {
             front[start + record + 4..start + record + 12]
                 .copy_from_slice(&[0xFF, 0xFF, 0xFF, 0x2D].repeat(2));
             let spoiled = Handmade { bytes: front, records: Vec::new(), ..made };
-            for reading in [Reading::Whole, Reading::Strict, Reading::Readable] {
+            for reading in [ReadMode::Whole, ReadMode::Strict, ReadMode::Readable] {
                 let error = spoiled.open_as(reading).unwrap_err().to_string();
                 assert!(error.contains("only chunks have"), "format {point_format}: {error}");
             }

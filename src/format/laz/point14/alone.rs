@@ -13,14 +13,14 @@ pub struct Point14Decoder {
 #[derive(Debug, Default)]
 struct Layer {
     bytes: Vec<u8>,
-    decoder: Option<Decoder<'static>>,
+    decoder: Option<ArithmeticDecoder<'static>>,
     left: usize,
 }
 
 impl Layer {
-    fn decoder(&self) -> Decoder<'_> {
+    fn decoder(&self) -> ArithmeticDecoder<'_> {
         let rest = &self.bytes[self.bytes.len() - self.left..];
-        self.decoder.map_or(Decoder::empty(), |decoder| decoder.over(rest))
+        self.decoder.map_or(ArithmeticDecoder::empty(), |decoder| decoder.over(rest))
     }
 }
 
@@ -40,8 +40,8 @@ impl Point14Decoder {
     /// An error if one has too few, or begins as no encoder begins.
     pub fn take(&mut self, layers: [Vec<u8>; LAYERS]) -> Result<(), LazError> {
         for (layer, bytes) in self.layers.iter_mut().zip(layers) {
-            let decoder = Decoder::of_layer(&bytes)?;
-            let left = decoder.as_ref().map_or(0, Decoder::left);
+            let decoder = ArithmeticDecoder::of_layer(&bytes)?;
+            let left = decoder.as_ref().map_or(0, ArithmeticDecoder::left);
             let decoder = decoder.map(|decoder| decoder.over(&[]));
             *layer = Layer { bytes, decoder, left };
         }
@@ -54,7 +54,7 @@ impl Point14Decoder {
         let has = self.layers.each_ref().map(|layer| layer.decoder.is_some());
         let mut decoders = self.layers.each_ref().map(Layer::decoder);
         let switches = self.channels.decode(&mut decoders, &has, record)?;
-        if decoders.iter().any(Decoder::has_ended) {
+        if decoders.iter().any(ArithmeticDecoder::has_ended) {
             return Err(LazError::Ended);
         }
         let states = decoders.map(|decoder| (decoder.left(), decoder.over(&[])));

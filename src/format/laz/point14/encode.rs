@@ -1,6 +1,6 @@
 //! The item POINT14 from records.
 
-use super::super::arithmetic::Encoder;
+use super::super::arithmetic::ArithmeticEncoder;
 use super::super::predict;
 use super::*;
 
@@ -8,7 +8,7 @@ impl Channels {
     /// Encodes a point, and says whether its channel is another than the last one's.
     pub fn encode(
         &mut self,
-        layers: &mut [Encoder; LAYERS],
+        layers: &mut [ArithmeticEncoder; LAYERS],
         has: &mut [bool; LAYERS],
         point: Point14,
     ) -> bool {
@@ -57,7 +57,7 @@ impl Channel {
     fn encode(
         &mut self,
         changes: usize,
-        layers: &mut [Encoder; LAYERS],
+        layers: &mut [ArithmeticEncoder; LAYERS],
         has: &mut [bool; LAYERS],
         point: Point14,
     ) {

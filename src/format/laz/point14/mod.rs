@@ -5,10 +5,10 @@ mod alone;
 mod encode;
 
 use super::LazError;
-use super::arithmetic::Decoder;
+use super::arithmetic::ArithmeticDecoder;
 use super::field;
 use super::integer::{Integer, decode_two};
-use super::model::{ByteModel, Slot, slots};
+use super::model::{ByteModel, LazyModel, slots};
 use super::predict::{self, Median};
 use super::time::Times;
 pub use alone::Point14Decoder;
@@ -135,14 +135,14 @@ pub struct Channel {
     x_differences: [Median; 12],
     y_differences: [Median; 12],
     heights: [i32; 8],
-    changes: [Slot<ByteModel>; 8],
-    channel: Slot<ByteModel>,
-    of_returns: [Slot<ByteModel>; 16],
-    number: [Slot<ByteModel>; 16],
-    number_at_same_time: Slot<ByteModel>,
-    classification: [Slot<ByteModel>; 64],
-    flags: [Slot<ByteModel>; 64],
-    user_data: [Slot<ByteModel>; 64],
+    changes: [LazyModel<ByteModel>; 8],
+    channel: LazyModel<ByteModel>,
+    of_returns: [LazyModel<ByteModel>; 16],
+    number: [LazyModel<ByteModel>; 16],
+    number_at_same_time: LazyModel<ByteModel>,
+    classification: [LazyModel<ByteModel>; 64],
+    flags: [LazyModel<ByteModel>; 64],
+    user_data: [LazyModel<ByteModel>; 64],
     x: Integer<2, 32>,
     y: Integer<22, 32>,
     z: Integer<20, 32>,
@@ -162,10 +162,10 @@ impl Channel {
             y_differences: [Median::default(); 12],
             heights: [0; 8],
             changes: slots(),
-            channel: Slot::default(),
+            channel: LazyModel::default(),
             of_returns: slots(),
             number: slots(),
-            number_at_same_time: Slot::default(),
+            number_at_same_time: LazyModel::default(),
             classification: slots(),
             flags: slots(),
             user_data: slots(),
@@ -187,14 +187,14 @@ impl Channel {
         self.x_differences = [Median::default(); 12];
         self.y_differences = [Median::default(); 12];
         self.heights = [point.at[2]; 8];
-        self.changes.iter_mut().for_each(Slot::clear);
+        self.changes.iter_mut().for_each(LazyModel::clear);
         self.channel.clear();
         for models in [&mut self.of_returns, &mut self.number] {
-            models.iter_mut().for_each(Slot::clear);
+            models.iter_mut().for_each(LazyModel::clear);
         }
         self.number_at_same_time.clear();
         for models in [&mut self.classification, &mut self.flags, &mut self.user_data] {
-            models.iter_mut().for_each(Slot::clear);
+            models.iter_mut().for_each(LazyModel::clear);
         }
         self.x.clear();
         self.y.clear();
@@ -249,7 +249,7 @@ impl Channels {
     #[inline(always)]
     pub fn decode<'a>(
         &mut self,
-        layers: &mut [Decoder<'a>; LAYERS],
+        layers: &mut [ArithmeticDecoder<'a>; LAYERS],
         has: &[bool; LAYERS],
         bytes: &mut [u8; Point14::SIZE],
     ) -> Result<bool, LazError> {
@@ -277,8 +277,8 @@ impl Channel {
     fn decode(
         &mut self,
         changes: usize,
-        xy: &mut Decoder,
-        layers: &mut [Decoder; LAYERS],
+        xy: &mut ArithmeticDecoder,
+        layers: &mut [ArithmeticDecoder; LAYERS],
         has: &[bool; LAYERS],
     ) -> Result<(), LazError> {
         let time_changes = changes & TIME_CHANGES != 0;

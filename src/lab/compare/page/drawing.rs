@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::slice;
 
-use crate::lab::chart::{Axis, Before, Figure, Item, Mark, Panel, Plot, Section, Series, Style};
+use crate::lab::chart::{Axis, Before, Figure, Mark, PageItem, Panel, Plot, PlotStyle, Section, Series};
 use crate::lab::compare::pictures::{BEST, PLAINEST};
-use crate::lab::compare::report::{FrameReport, Report, SceneReport, mean};
+use crate::lab::compare::report::{ComparisonReport, FrameReport, SceneReport, mean};
 use crate::words::grouped;
 
-pub fn section(report: &Report, before: Option<&Report>) -> Section {
+pub fn section(report: &ComparisonReport, before: Option<&ComparisonReport>) -> Section {
     // The mean over the views, a mark a budget.
     let marks = |scene: &SceneReport, style: &str, renderer: &str, flip: bool| -> Vec<[f64; 2]> {
         let Some(found) = scene.renderers.iter().find(|r| r.style == style && r.renderer == renderer) else {
@@ -47,12 +47,12 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
             x: Axis::log("time to draw", "ms"),
             y,
             panels: report.scenes.iter().map(|scene| panel(scene, flip)).collect(),
-            style: Style::Lines,
+            style: PlotStyle::Lines,
             ..Plot::default()
         };
         let caption = "A mark a budget, from 25 000 to 1.5 million points of the default's octree; means of \
                        four views of 512 × 512 pixels, beside the picture of all points at the highest setting.";
-        Item::Figure(Figure::new(chart, says, caption))
+        PageItem::Figure(Figure::new(chart, says, caption))
     };
     let items = vec![
         figure(
@@ -80,7 +80,7 @@ fn budgets(scenes: &[SceneReport]) -> Vec<u64> {
 
 /// What the charts of drawing say, in a sentence: the plainest way beside the best
 /// at the same budget, over all scenes.
-fn drawing_says(report: &Report) -> String {
+fn drawing_says(report: &ComparisonReport) -> String {
     let frames = |style: &'static str, budget: u64| {
         let all = report.scenes.iter().flat_map(|scene| &scene.renderers);
         let those = all.filter(move |it| it.style == style && it.renderer == "cpu");

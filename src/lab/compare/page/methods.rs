@@ -1,13 +1,14 @@
 //! What each method costs, and how true its coarse levels are.
 
 use crate::lab::chart::{
-    Axis, Before, Cell, Column, Figure, Item, Mark, Panel, Plot, Quantity, Section, Series, Table,
+    Axis, Before, Figure, Mark, PageItem, Panel, Plot, Quantity, Section, Series, Table, TableCell,
+    TableColumn,
 };
-use crate::lab::compare::report::{MethodReport, Report, SceneReport};
+use crate::lab::compare::report::{ComparisonReport, MethodReport, SceneReport};
 use crate::words::grouped;
 
-pub fn section(report: &Report, before: Option<&Report>) -> Section {
-    let mut items = vec![Item::Text(
+pub fn section(report: &ComparisonReport, before: Option<&ComparisonReport>) -> Section {
+    let mut items = vec![PageItem::Text(
         "Each mark is a way to convert: to the left is cheap, at the bottom is true. Error is the mean \
          difference of a pixel, of 255, between a picture of so many points of the coarse levels and the \
          picture of all points, over four views. The line joins the methods that none beats on both. \"Averaged\" is \
@@ -26,17 +27,17 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         );
         let mut figure = Figure::new(chart, &says, &caption);
         figure.table = Some(method_table(report, scene, earlier));
-        items.push(Item::Figure(figure));
+        items.push(PageItem::Figure(figure));
     }
     Section { heading: "Converting".into(), items }
 }
 
 /// The budget that the charts show: the middle one. The tables have them all.
-fn budget(report: &Report) -> u64 {
+fn budget(report: &ComparisonReport) -> u64 {
     report.budgets.get(report.budgets.len() / 2).copied().unwrap_or(0)
 }
 
-pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Plot {
+pub fn speed_accuracy(report: &ComparisonReport, scene: &SceneReport, before: Option<&SceneReport>) -> Plot {
     let budget = budget(report);
     let mark = |method: &MethodReport| Mark {
         x: method.cpu_a_million(scene.points),
@@ -66,7 +67,7 @@ pub fn speed_accuracy(report: &Report, scene: &SceneReport, before: Option<&Scen
 }
 
 /// What a scene's chart says, in a sentence.
-fn says(report: &Report, scene: &SceneReport) -> String {
+fn says(report: &ComparisonReport, scene: &SceneReport) -> String {
     let budget = budget(report);
     let Some(default) = scene.default_method() else {
         return String::new();
@@ -86,17 +87,17 @@ fn says(report: &Report, scene: &SceneReport) -> String {
     )
 }
 
-fn method_table(report: &Report, scene: &SceneReport, before: Option<&SceneReport>) -> Table {
-    let column = Column::new;
+fn method_table(report: &ComparisonReport, scene: &SceneReport, before: Option<&SceneReport>) -> Table {
+    let column = TableColumn::new;
     let row = |method: &MethodReport| {
         let earlier = before.and_then(|before| before.method(&method.method));
         let cell = |of: &dyn Fn(&MethodReport) -> f64| match earlier {
-            Some(earlier) => Cell::Change { now: of(method), before: of(earlier) },
-            None => Cell::Number(of(method)),
+            Some(earlier) => TableCell::Change { now: of(method), before: of(earlier) },
+            None => TableCell::Number(of(method)),
         };
         let millions = scene.points as f64 / 1e6;
         let costs = [
-            Cell::Text(method.method.clone()),
+            TableCell::Text(method.method.clone()),
             cell(&|m| m.wall.median),
             cell(&|m| millions / m.wall.median),
             cell(&|m| m.cpu_a_million(scene.points)),

@@ -4,13 +4,13 @@ mod drawing;
 mod methods;
 mod samples;
 
-use super::report::Report;
-use super::verdict::{Finding, findings};
+use super::report::ComparisonReport;
+use super::verdict::{Claim, findings};
 use crate::lab::chart::{Chart, Page};
 use crate::words::grouped;
 
 /// The page of a report, beside an earlier one where there is one.
-pub fn page(report: &Report, before: Option<&Report>) -> Page {
+pub fn page(report: &ComparisonReport, before: Option<&ComparisonReport>) -> Page {
     Page {
         title: "Lodestone: speed against accuracy".into(),
         lead: lead(report),
@@ -25,11 +25,11 @@ pub fn page(report: &Report, before: Option<&Report>) -> Page {
 
 /// The chart that says most: what the first scene costs by each method, and how
 /// true its coarse levels are.
-pub fn main_chart(report: &Report) -> Option<Chart> {
+pub fn main_chart(report: &ComparisonReport) -> Option<Chart> {
     Some(methods::speed_accuracy(report, report.scenes.first()?, None).into())
 }
 
-fn lead(report: &Report) -> String {
+fn lead(report: &ComparisonReport) -> String {
     let findings = findings(report);
     let missed: Vec<&str> = findings.iter().filter(|f| !f.holds).map(|f| f.words.as_str()).collect();
     let verdict = match missed.as_slice() {
@@ -44,7 +44,7 @@ fn lead(report: &Report) -> String {
     )
 }
 
-fn foot(report: &Report, before: Option<&Report>) -> Vec<(String, String)> {
+fn foot(report: &ComparisonReport, before: Option<&ComparisonReport>) -> Vec<(String, String)> {
     let pair = |name: &str, value: String| (name.to_string(), value);
     let commit = if report.commit.is_empty() { "unknown" } else { &report.commit };
     let budgets: Vec<String> = report.budgets.iter().map(|budget| grouped(*budget)).collect();
@@ -62,7 +62,7 @@ fn foot(report: &Report, before: Option<&Report>) -> Vec<(String, String)> {
             format!("{}, commit {}, {}", before.version, before.commit, before.machine),
         ));
     }
-    let say = |finding: &Finding| {
+    let say = |finding: &Claim| {
         format!("{}: {}", if finding.holds { "holds" } else { "does not hold" }, finding.words)
     };
     foot.extend(findings(report).iter().map(|finding| pair("claim", say(finding))));

@@ -1,13 +1,13 @@
 //! How even samples are, and what samplers cost by themselves.
 
 use crate::lab::chart::{
-    Axis, Bar, Bars, Better, Cell, Column, Figure, Group, Item, Panel, Pattern, Patterns, Plot, Reference,
-    Section, Series, Style, Table,
+    Axis, Bar, BarGroup, Bars, Better, Figure, PageItem, Panel, Pattern, Patterns, Plot, PlotStyle,
+    ReferenceLine, Section, Series, Table, TableCell, TableColumn,
 };
-use crate::lab::compare::report::{MethodReport, PatternReport, Report, SceneReport};
+use crate::lab::compare::report::{ComparisonReport, MethodReport, PatternReport, SceneReport};
 use crate::lab::sampling::evenness::Evenness;
 
-pub fn section(report: &Report, before: Option<&Report>) -> Section {
+pub fn section(report: &ComparisonReport, before: Option<&ComparisonReport>) -> Section {
     let mut items = Vec::new();
     let percent = |share: f64| format!("{:.2} % too near", 100.0 * share);
     let pattern = |pattern: &PatternReport| Pattern {
@@ -15,7 +15,7 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         note: percent(pattern.even.inside_share() + pattern.even.across_share()),
         dots: pattern.dots.iter().map(|at| at.map(|c| f64::from(c) / 1000.0)).collect(),
     };
-    items.push(Item::Figure(Figure::new(
+    items.push(PageItem::Figure(Figure::new(
         Patterns {
             title: "Sample patterns".into(),
             patterns: report.patterns.iter().map(pattern).collect(),
@@ -29,14 +29,14 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         let line = Series::line("", rings.map(|(ring, power)| [wave(ring), *power]));
         Panel { name: pattern.method.clone(), series: vec![line] }
     });
-    items.push(Item::Figure(Figure::new(
+    items.push(PageItem::Figure(Figure::new(
         Plot {
             title: "Radial power spectra".into(),
             x: Axis::linear("frequency", "waves a spacing").better(Better::Neither),
             y: Axis::linear("power", "").better(Better::Neither),
             panels: spectra.collect(),
-            style: Style::Curves,
-            references: vec![Reference { y: 1.0, name: "white noise".into() }],
+            style: PlotStyle::Curves,
+            references: vec![ReferenceLine { y: 1.0, name: "white noise".into() }],
             ..Plot::default()
         },
         "Blue noise has little power on the left, one soft peak near a wave a spacing, and no spikes.",
@@ -54,9 +54,9 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
                 ..Bar::new(&method.method, own.median)
             })
         };
-        Group { name: scene.name.clone(), bars: scene.methods.iter().filter_map(bar).collect() }
+        BarGroup { name: scene.name.clone(), bars: scene.methods.iter().filter_map(bar).collect() }
     };
-    items.push(Item::Figure(Figure::new(
+    items.push(PageItem::Figure(Figure::new(
         Bars {
             title: "Time of the samplers alone".into(),
             axis: Axis::log("time a point, one thread", "ns"),
@@ -65,20 +65,20 @@ pub fn section(report: &Report, before: Option<&Report>) -> Section {
         "The default costs a fraction of the paper's shells and keeps its promise across nodes too.",
         "Only the time inside the sampler, while a tree of the first four million points is built.",
     )));
-    items.push(Item::Table(even_table(report)));
+    items.push(PageItem::Table(even_table(report)));
     Section { heading: "Sampling".into(), items }
 }
 
-fn even_table(report: &Report) -> Table {
-    let column = Column::new;
+fn even_table(report: &ComparisonReport) -> Table {
+    let column = TableColumn::new;
     let row = |scene: &str, method: &str, even: &Evenness| {
         vec![
-            Cell::Text(scene.to_string()),
-            Cell::Text(method.to_string()),
-            Cell::Number(even.samples as f64),
-            Cell::Number(100.0 * even.inside_share()),
-            Cell::Number(100.0 * even.across_share()),
-            Cell::Number(even.hole),
+            TableCell::Text(scene.to_string()),
+            TableCell::Text(method.to_string()),
+            TableCell::Number(even.samples as f64),
+            TableCell::Number(100.0 * even.inside_share()),
+            TableCell::Number(100.0 * even.across_share()),
+            TableCell::Number(even.hole),
         ]
     };
     let rows = report.scenes.iter().flat_map(|scene| {

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use crate::convert::context::Context;
-use crate::convert::preview::{Options, Preview, Still, Turntable};
+use crate::convert::preview::{PreviewManifest, PreviewOptions, Still, Turntable};
 use crate::platform::disk::{Disk, DiskError, inode};
 use crate::render::RenderError;
 use crate::render::color::ColorBy;
@@ -20,8 +20,8 @@ use crate::serve::scheduler::worker;
 const STEP_BACK: i32 = 10;
 
 /// How an attempt ended.
-pub(super) enum End {
-    Drawn(Box<Preview>),
+pub(super) enum DrawEnd {
+    Drawn(Box<PreviewManifest>),
     Nothing(String),
     Badly(String),
     Stopped,
@@ -33,17 +33,17 @@ pub(super) fn draw(
     converter: &dyn Converter,
     octree: &Path,
     into: &Path,
-    options: &Options,
+    options: &PreviewOptions,
     context: &Context,
-) -> End {
+) -> DrawEnd {
     // Unwind safety: nothing is shared but the flag to stop, a plain atomic.
     catch_unwind(AssertUnwindSafe(|| attempt(converter, octree, into, options, context)))
-        .unwrap_or_else(|panic| End::Badly(worker::last_words("drawing it", &*panic)))
+        .unwrap_or_else(|panic| DrawEnd::Badly(worker::last_words("drawing it", &*panic)))
 }
 
 /// What the daemon has made of each octree.
-pub(super) fn options(config: &Config) -> Options {
-    let mut options = Options { color: config.preview_color, ..Options::default() };
+pub(super) fn options(config: &Config) -> PreviewOptions {
+    let mut options = PreviewOptions { color: config.preview_color, ..PreviewOptions::default() };
     // For lists: a few kilobytes, so that a page of them is no load. Last, since
     // whoever takes the first thumbnail wants the large one.
     options.stills.push(Still { name: "icon".into(), role: "thumbnail", size: [128, 128] });
@@ -57,9 +57,9 @@ fn attempt(
     converter: &dyn Converter,
     octree: &Path,
     into: &Path,
-    options: &Options,
+    options: &PreviewOptions,
     context: &Context,
-) -> End {
+) -> DrawEnd {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(context.threads)
         .thread_name(|number| format!("preview-{number}"))
@@ -67,25 +67,25 @@ fn attempt(
         .build();
     let pool = match pool {
         Ok(pool) => pool,
-        Err(error) => return End::Badly(format!("no threads could be started for it: {error}")),
+        Err(error) => return DrawEnd::Badly(format!("no threads could be started for it: {error}")),
     };
     if let Err(error) = context.disk.remove_dir_all(into) {
-        return End::Badly(error.to_string());
+        return DrawEnd::Badly(error.to_string());
     }
     let mut drawn = pool.install(|| converter.preview(octree, into, options, context));
     if let Err(RenderError::NoAttribute { .. }) = &drawn {
         // The setting is for all clouds; what this one has is better than nothing.
-        let options = Options { color: ColorBy::Auto, ..options.clone() };
+        let options = PreviewOptions { color: ColorBy::Auto, ..options.clone() };
         drawn = pool.install(|| converter.preview(octree, into, &options, context));
     }
     match drawn {
-        Ok(preview) => End::Drawn(Box::new(preview)),
+        Ok(preview) => DrawEnd::Drawn(Box::new(preview)),
         Err(error @ (RenderError::Nothing { .. } | RenderError::NotFinite { .. })) => {
-            End::Nothing(error.to_string())
+            DrawEnd::Nothing(error.to_string())
         }
-        Err(RenderError::Cancelled) => End::Stopped,
-        Err(_) if inode(octree).is_err() => End::Gone(format!("{} is gone", octree.display())),
-        Err(error) => End::Badly(error.to_string()),
+        Err(RenderError::Cancelled) => DrawEnd::Stopped,
+        Err(_) if inode(octree).is_err() => DrawEnd::Gone(format!("{} is gone", octree.display())),
+        Err(error) => DrawEnd::Badly(error.to_string()),
     }
 }
 

@@ -17,15 +17,15 @@ use std::sync::Arc;
 use tokio::sync::oneshot;
 use tokio::sync::oneshot::error::TryRecvError;
 
-use super::preflight::Lane;
-use super::tools::Tools;
+use super::preflight::SizeClass;
+use super::tools::EngineContext;
 use crate::convert::context::{Cancel, Context, Progress};
 use crate::platform::clock::Millis;
 use crate::platform::disk::{Disk, inode};
 use crate::serve::config::Config;
 use crate::serve::job::retry_policy::wait_after;
-use crate::serve::queue::{Due, Result, Settled};
-use draw::End;
+use crate::serve::queue::{PendingPreview, PreviewOutcome, Result};
+use draw::DrawEnd;
 
 /// Attempts at the pictures of an octree.
 const ATTEMPTS: u32 = 3;
@@ -40,7 +40,7 @@ fn easel(config: &Config) -> PathBuf {
 
 /// What room conversions leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Room {
+pub(super) enum PreviewCapacity {
     /// A suspect runs or waits to run alone, or the daemon stops.
     None,
     /// Something is converted.
@@ -51,13 +51,13 @@ pub(super) enum Room {
 
 #[derive(Default)]
 pub(super) struct Previews {
-    drawing: Option<Drawing>,
+    drawing: Option<RunningPreview>,
     /// What a run of the daemon that died left is cleared.
     swept: bool,
 }
 
-struct Drawing {
-    due: Due,
+struct RunningPreview {
+    due: PendingPreview,
     octree: PathBuf,
     /// Of the octree's folder when it was begun.
     inode: u64,
@@ -65,9 +65,9 @@ struct Drawing {
     began: Millis,
     cancel: Cancel,
     too_long: bool,
-    end: oneshot::Receiver<End>,
+    end: oneshot::Receiver<DrawEnd>,
     /// Kept until the queue has recorded it.
-    ended: Option<End>,
+    ended: Option<DrawEnd>,
     /// The pictures are in their place.
     hung: bool,
 }
@@ -83,7 +83,7 @@ impl Previews {
     }
 
     /// Takes note of what was drawn, and begins what is due where there is room.
-    pub async fn turn(&mut self, tools: &Tools, room: Room) -> Result<()> {
+    pub async fn turn(&mut self, tools: &EngineContext, room: PreviewCapacity) -> Result<()> {
         let now = tools.clock.now();
         if let Some(drawing) = &mut self.drawing {
             drawing.look(now);
@@ -92,13 +92,13 @@ impl Previews {
                 self.drawing = None;
             }
         }
-        if self.drawing.is_none() && room != Room::None && tools.config.preview {
-            self.begin(tools, room == Room::All, now).await?;
+        if self.drawing.is_none() && room != PreviewCapacity::None && tools.config.preview {
+            self.begin(tools, room == PreviewCapacity::All, now).await?;
         }
         Ok(())
     }
 
-    async fn begin(&mut self, tools: &Tools, alone: bool, now: Millis) -> Result<()> {
+    async fn begin(&mut self, tools: &EngineContext, alone: bool, now: Millis) -> Result<()> {
         let (config, disk, policy) = (&tools.config, &tools.disk, &tools.config.policy);
         if !self.swept {
             self.swept = true;
@@ -112,7 +112,7 @@ impl Previews {
         }
         if due.attempts >= ATTEMPTS {
             let why = format!("the daemon died over it, {} times", due.attempts);
-            return settle(tools, &due, Settled::Failed(why), now).await;
+            return settle(tools, &due, PreviewOutcome::Failed(why), now).await;
         }
         let next = now + wait_after(due.attempts + 1, policy);
         let Some(due) = tools.store.begin_preview(&due, next, now).await? else { return Ok(()) };
@@ -121,7 +121,7 @@ impl Previews {
             Ok(inode) => inode,
             Err(error) => {
                 let why = format!("{}: {error}", octree.display());
-                return settle(tools, &due, Settled::Gone(why), now).await;
+                return settle(tools, &due, PreviewOutcome::Gone(why), now).await;
             }
         };
         let (into, cancel) = (easel(config).join(due.job.to_string()), Cancel::default());
@@ -129,7 +129,7 @@ impl Previews {
             disk: disk.clone(),
             scratch: into.clone(),
             threads: config.threads,
-            memory_limit: Lane::Light.memory(config),
+            memory_limit: SizeClass::Light.memory(config),
             cancel: cancel.clone(),
             progress: Arc::new(Progress::default()),
         };
@@ -146,7 +146,7 @@ impl Previews {
             tracing::debug!(%error, "no thread for a preview");
             // Its sender is dropped, which is seen at the next turn.
         }
-        self.drawing = Some(Drawing {
+        self.drawing = Some(RunningPreview {
             due,
             octree,
             inode,
@@ -170,19 +170,19 @@ impl Previews {
 
     /// What has not stopped is begun again at the next start, as if it had not
     /// been begun.
-    pub async fn abandon(&mut self, tools: &Tools) -> Result<()> {
+    pub async fn abandon(&mut self, tools: &EngineContext) -> Result<()> {
         let Some(drawing) = self.drawing.take() else { return Ok(()) };
-        settle(tools, &drawing.due, Settled::Parked, tools.clock.now()).await
+        settle(tools, &drawing.due, PreviewOutcome::Parked, tools.clock.now()).await
     }
 }
 
-impl Drawing {
+impl RunningPreview {
     fn look(&mut self, now: Millis) {
         if self.ended.is_none() {
             self.ended = match self.end.try_recv() {
                 Ok(end) => Some(end),
                 Err(TryRecvError::Empty) => None,
-                Err(TryRecvError::Closed) => Some(End::Badly("no thread could be started for it".into())),
+                Err(TryRecvError::Closed) => Some(DrawEnd::Badly("no thread could be started for it".into())),
             };
         }
         if self.ended.is_none() && !self.too_long && (now - self.began).abs() >= LONGEST {
@@ -193,23 +193,23 @@ impl Drawing {
     }
 
     /// May be called again where the queue did not answer.
-    async fn finish(&mut self, tools: &Tools, now: Millis) -> Result<()> {
-        if matches!(self.ended, Some(End::Drawn(_))) && !self.hung {
+    async fn finish(&mut self, tools: &EngineContext, now: Millis) -> Result<()> {
+        if matches!(self.ended, Some(DrawEnd::Drawn(_))) && !self.hung {
             self.hang(tools).await?;
         }
         let (settled, seconds) = match &self.ended {
-            Some(End::Drawn(preview)) => {
+            Some(DrawEnd::Drawn(preview)) => {
                 let receipt = serde_json::to_value(preview).unwrap_or_default();
-                (Settled::Done(receipt.to_string()), Some(preview.seconds))
+                (PreviewOutcome::Done(receipt.to_string()), Some(preview.seconds))
             }
-            Some(End::Nothing(why)) => (Settled::Nothing(why.clone()), None),
-            Some(End::Gone(why)) => (Settled::Gone(why.clone()), None),
-            Some(End::Badly(why)) => (self.again(tools, why.clone(), now), None),
-            Some(End::Stopped) if self.too_long => {
+            Some(DrawEnd::Nothing(why)) => (PreviewOutcome::Nothing(why.clone()), None),
+            Some(DrawEnd::Gone(why)) => (PreviewOutcome::Gone(why.clone()), None),
+            Some(DrawEnd::Badly(why)) => (self.again(tools, why.clone(), now), None),
+            Some(DrawEnd::Stopped) if self.too_long => {
                 let why = format!("not done within {} minutes", LONGEST / 60_000);
                 (self.again(tools, why, now), None)
             }
-            Some(End::Stopped) | None => (Settled::Parked, None),
+            Some(DrawEnd::Stopped) | None => (PreviewOutcome::Parked, None),
         };
         settle(tools, &self.due, settled, now).await?;
         if let Some(seconds) = seconds {
@@ -219,16 +219,16 @@ impl Drawing {
         Ok(())
     }
 
-    fn again(&self, tools: &Tools, why: String, now: Millis) -> Settled {
+    fn again(&self, tools: &EngineContext, why: String, now: Millis) -> PreviewOutcome {
         match self.due.attempts {
-            ATTEMPTS.. => Settled::Failed(why),
-            attempts => Settled::Later(why, now + wait_after(attempts, &tools.config.policy)),
+            ATTEMPTS.. => PreviewOutcome::Failed(why),
+            attempts => PreviewOutcome::Later(why, now + wait_after(attempts, &tools.config.policy)),
         }
     }
 
     /// Gives the pictures their place, if the octree is still the one that they
     /// show.
-    async fn hang(&mut self, tools: &Tools) -> Result<()> {
+    async fn hang(&mut self, tools: &EngineContext) -> Result<()> {
         let stands = tools.store.preview_stands(&self.due).await?;
         let (disk, from, octree, known) =
             (tools.disk.clone(), self.into.clone(), self.octree.clone(), self.inode);
@@ -239,39 +239,44 @@ impl Drawing {
         match hung {
             Ok(Ok(true)) => self.hung = true,
             Ok(Ok(false)) => {
-                self.ended = Some(End::Gone("the octree was replaced while it was drawn".into()));
+                self.ended = Some(DrawEnd::Gone("the octree was replaced while it was drawn".into()));
             }
-            Ok(Err(error)) => self.ended = Some(End::Badly(error.to_string())),
-            Err(error) => self.ended = Some(End::Badly(error.to_string())),
+            Ok(Err(error)) => self.ended = Some(DrawEnd::Badly(error.to_string())),
+            Err(error) => self.ended = Some(DrawEnd::Badly(error.to_string())),
         }
         Ok(())
     }
 }
 
 /// Records and tells how an attempt ended.
-async fn settle(tools: &Tools, due: &Due, settled: Settled, now: Millis) -> Result<()> {
+async fn settle(
+    tools: &EngineContext,
+    due: &PendingPreview,
+    settled: PreviewOutcome,
+    now: Millis,
+) -> Result<()> {
     let counts = tools.store.settle_preview(due, &settled, now).await?;
     let (job, name) = (due.job, due.name.as_str());
     let outcome = match &settled {
         _ if !counts => "dropped",
-        Settled::Parked => return Ok(()),
-        Settled::Done(_) => {
+        PreviewOutcome::Parked => return Ok(()),
+        PreviewOutcome::Done(_) => {
             tracing::info!(job, name, "its pictures are made");
             "done"
         }
-        Settled::Nothing(why) => {
+        PreviewOutcome::Nothing(why) => {
             tracing::info!(job, name, why, "no pictures");
             "nothing"
         }
-        Settled::Later(why, _) => {
+        PreviewOutcome::Later(why, _) => {
             tracing::warn!(job, name, why, "its pictures failed, are tried again");
             "postponed"
         }
-        Settled::Failed(why) => {
+        PreviewOutcome::Failed(why) => {
             tracing::warn!(job, name, why, "its pictures failed; `jobs preview` tries again");
             "failed"
         }
-        Settled::Gone(_) => "dropped",
+        PreviewOutcome::Gone(_) => "dropped",
     };
     tools.metrics.previews.with_label_values(&[outcome]).inc();
     Ok(())

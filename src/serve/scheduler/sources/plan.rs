@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use crate::serve::config::Config;
 use crate::serve::config::sources::OnDone;
-use crate::serve::job::{Input, Job};
+use crate::serve::job::{Job, QueuedFile};
 
 /// What is to be done with which sources.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct SourceActionPlan {
     pub source: PathBuf,
     /// The octree's name.
     pub name: String,
     pub revision: i64,
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<QueuedFile>,
     pub what: OnDone,
     /// The watched folders, and where sources are moved to.
     pub roots: Vec<PathBuf>,
@@ -27,7 +27,7 @@ pub struct Plan {
 
 /// What was done.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum PutAway {
+pub enum SourceActionOutcome {
     Moved(PathBuf),
     Removed,
     /// There is nothing any more: done before a crash, or by somebody else.
@@ -36,17 +36,17 @@ pub enum PutAway {
 
 /// Why nothing was done.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Left {
+pub enum NotMoved {
     /// It stays for good.
     ForGood(String),
     /// It is worth another try.
     ForNow(String),
 }
 
-impl Plan {
-    pub fn new(config: &Config, job: &Job, what: OnDone, inputs: Vec<Input>) -> Plan {
+impl SourceActionPlan {
+    pub fn new(config: &Config, job: &Job, what: OnDone, inputs: Vec<QueuedFile>) -> SourceActionPlan {
         let roots = std::iter::once(config.inbox()).chain(config.watch.iter().cloned());
-        Plan {
+        SourceActionPlan {
             source: job.source.clone(),
             name: job.name.clone(),
             revision: job.revision,

@@ -11,12 +11,12 @@ use std::time::{Duration, UNIX_EPOCH};
 use rustix::fs::{AtFlags, CWD, RenameFlags, fsync, renameat_with, unlinkat};
 use rustix::io::Errno;
 
-use super::listing::{Entry, Kind, Looked, look};
-use super::plan::{Left, Plan, full};
+use super::listing::{FileKind, ListedFile, SourceListing, look};
+use super::plan::{NotMoved, SourceActionPlan, full};
 use crate::convert::context::Cancel;
 use crate::platform::disk::{Disk, DiskError};
 use crate::serve::config::size::Size;
-use crate::serve::job::Input;
+use crate::serve::job::QueuedFile;
 
 const BLOCK: usize = 1 << 20;
 /// Where a copy lies until it is whole.
@@ -24,12 +24,12 @@ const ON_ITS_WAY: &str = ".on-its-way";
 
 /// Moves a source to `done/<name>/`; returns where it lies there.
 pub(super) fn carry(
-    plan: &Plan,
-    looked: &Looked,
-    missing: &[Input],
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
+    missing: &[QueuedFile],
     disk: &Disk,
     cancel: &Cancel,
-) -> Result<PathBuf, Left> {
+) -> Result<PathBuf, NotMoved> {
     let folder = plan.done.join(&plan.name);
     disk.create_dir_all(&folder).map_err(left)?;
     // Of a try that a crash cut off.
@@ -44,7 +44,7 @@ pub(super) fn carry(
             continue;
         }
         if let Some(gone) = missing.first() {
-            return Err(Left::ForGood(format!("{} is no longer there", gone.path.display())));
+            return Err(NotMoved::ForGood(format!("{} is no longer there", gone.path.display())));
         }
         match rename(looked, &looked.name, &target) {
             Ok(()) => {
@@ -60,11 +60,11 @@ pub(super) fn carry(
             Err(errno) => return Err(left(DiskError::new("move", &plan.source, errno.into()))),
         }
     }
-    Err(Left::ForGood(format!("{} is full of its namesakes", folder.display())))
+    Err(NotMoved::ForGood(format!("{} is full of its namesakes", folder.display())))
 }
 
 /// Names to try: its own, with its revision, with a number.
-fn targets(folder: &Path, name: &Path, revision: i64, kind: Kind) -> impl Iterator<Item = PathBuf> {
+fn targets(folder: &Path, name: &Path, revision: i64, kind: FileKind) -> impl Iterator<Item = PathBuf> {
     let (folder, name) = (folder.to_path_buf(), name.to_path_buf());
     (0..1000).map(move |n| {
         let suffix = match n {
@@ -72,7 +72,7 @@ fn targets(folder: &Path, name: &Path, revision: i64, kind: Kind) -> impl Iterat
             1 => format!("-r{revision}"),
             n => format!("-r{revision}-{n}"),
         };
-        let ending = if kind == Kind::File { name.extension() } else { None };
+        let ending = if kind == FileKind::File { name.extension() } else { None };
         let mut new = if ending.is_some() { name.file_stem() } else { Some(name.as_os_str()) }
             .unwrap_or_default()
             .to_os_string();
@@ -86,7 +86,7 @@ fn targets(folder: &Path, name: &Path, revision: i64, kind: Kind) -> impl Iterat
 }
 
 /// Renames, never over something.
-fn rename(looked: &Looked, from: &Path, to: &Path) -> Result<(), Errno> {
+fn rename(looked: &SourceListing, from: &Path, to: &Path) -> Result<(), Errno> {
     match renameat_with(&looked.root, from, CWD, to, RenameFlags::NOREPLACE) {
         // A file system without this; under the lock nobody but us writes to `done`.
         Err(Errno::INVAL | Errno::NOSYS) if to.symlink_metadata().is_err() => {
@@ -99,13 +99,13 @@ fn rename(looked: &Looked, from: &Path, to: &Path) -> Result<(), Errno> {
 /// Copies to a name of its own first, so that what stands under the last one is
 /// whole.
 pub(super) fn copy(
-    plan: &Plan,
-    looked: &Looked,
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
     folder: &Path,
     target: &Path,
     disk: &Disk,
     cancel: &Cancel,
-) -> Result<(), Left> {
+) -> Result<(), NotMoved> {
     room(plan, looked, folder, disk)?;
     let temporary = folder.join(ON_ITS_WAY);
     disk.remove_dir_all(&temporary).map_err(left)?;
@@ -117,40 +117,46 @@ pub(super) fn copy(
 }
 
 /// A copy must not take the room that conversions need.
-fn room(plan: &Plan, looked: &Looked, folder: &Path, disk: &Disk) -> Result<(), Left> {
+fn room(plan: &SourceActionPlan, looked: &SourceListing, folder: &Path, disk: &Disk) -> Result<(), NotMoved> {
     let bytes: u64 = looked.entries.iter().map(|entry| entry.size).sum();
     let (free, needed) = (disk.free_space(folder).map_err(left)?, bytes.saturating_add(plan.reserve));
     if free < needed {
         let (folder, free, needed) = (folder.display(), Size(free), Size(needed));
-        return Err(Left::ForNow(format!(
+        return Err(NotMoved::ForNow(format!(
             "{folder} has {free} free, and a copy needs {needed} with the reserve"
         )));
     }
     Ok(())
 }
 
-fn copy_into(plan: &Plan, looked: &Looked, to: &Path, disk: &Disk, cancel: &Cancel) -> Result<(), Left> {
+fn copy_into(
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
+    to: &Path,
+    disk: &Disk,
+    cancel: &Cancel,
+) -> Result<(), NotMoved> {
     for entry in &looked.entries {
         let target = full(to, &entry.path);
         match entry.kind {
-            Kind::Folder => disk.create_dir_all(&target).map_err(left)?,
+            FileKind::Folder => disk.create_dir_all(&target).map_err(left)?,
             _ => copy_file(plan, looked, entry, &target, disk, cancel)?,
         }
     }
-    for entry in looked.entries.iter().rev().filter(|entry| entry.kind == Kind::Folder) {
+    for entry in looked.entries.iter().rev().filter(|entry| entry.kind == FileKind::Folder) {
         disk.sync_dir(&to.join(&entry.path)).map_err(left)?;
     }
     Ok(())
 }
 
 fn copy_file(
-    plan: &Plan,
-    looked: &Looked,
-    entry: &Entry,
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
+    entry: &ListedFile,
     target: &Path,
     disk: &Disk,
     cancel: &Cancel,
-) -> Result<(), Left> {
+) -> Result<(), NotMoved> {
     let path = full(&plan.source, &entry.path);
     let reading = |e: io::Error| left(DiskError::new("read", &path, e));
     let mut from = looked.open(entry).map_err(|errno| reading(errno.into()))?;
@@ -174,14 +180,19 @@ fn copy_file(
     let differs = input
         .is_some_and(|input| !input.hash.is_empty() && input.hash != hasher.finalize().to_hex().as_str());
     if at != entry.size || differs {
-        return Err(Left::ForGood(format!("{} is not what was converted", path.display())));
+        return Err(NotMoved::ForGood(format!("{} is not what was converted", path.display())));
     }
     Ok(())
 }
 
 /// Whether all that is still in the source, and all that is missing from it, lies
 /// under `target` with the same content.
-fn covers(target: &Path, plan: &Plan, looked: &Looked, missing: &[Input]) -> Result<bool, Left> {
+fn covers(
+    target: &Path,
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
+    missing: &[QueuedFile],
+) -> Result<bool, NotMoved> {
     let (Some(folder), Some(name)) = (target.parent(), target.file_name()) else { return Ok(false) };
     let Some(there) = look(folder, name)? else { return Ok(false) };
     let all_missing = missing.iter().all(|input| {
@@ -193,7 +204,7 @@ fn covers(target: &Path, plan: &Plan, looked: &Looked, missing: &[Input]) -> Res
     }
     for entry in &looked.entries {
         match there.find(&entry.path) {
-            Some(twin) if twin.kind == entry.kind && entry.kind == Kind::Folder => {}
+            Some(twin) if twin.kind == entry.kind && entry.kind == FileKind::Folder => {}
             Some(twin) if twin.kind == entry.kind && twin.size == entry.size => {
                 let same = hash(&there, twin).is_ok_and(|h| hash(looked, entry).is_ok_and(|g| g == h));
                 if !same {
@@ -207,7 +218,11 @@ fn covers(target: &Path, plan: &Plan, looked: &Looked, missing: &[Input]) -> Res
 }
 
 /// The hash of a file's content, read in pieces that a stop can end.
-pub(super) fn hash_of(looked: &Looked, entry: &Entry, cancel: &Cancel) -> Result<blake3::Hash, Left> {
+pub(super) fn hash_of(
+    looked: &SourceListing,
+    entry: &ListedFile,
+    cancel: &Cancel,
+) -> Result<blake3::Hash, NotMoved> {
     let path = full(&looked.name, &entry.path);
     let reading = |e: io::Error| left(DiskError::new("read", &path, e));
     let mut file = looked.open(entry).map_err(|errno| reading(errno.into()))?;
@@ -221,7 +236,7 @@ pub(super) fn hash_of(looked: &Looked, entry: &Entry, cancel: &Cancel) -> Result
     }
 }
 
-fn hash(looked: &Looked, entry: &Entry) -> io::Result<blake3::Hash> {
+fn hash(looked: &SourceListing, entry: &ListedFile) -> io::Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(looked.open(entry)?)?;
     Ok(hasher.finalize())
@@ -230,23 +245,23 @@ fn hash(looked: &Looked, entry: &Entry) -> io::Result<blake3::Hash> {
 /// Removes the chosen files, each looked at once more, and the folders that are
 /// empty then. What is gone already is fine.
 pub(super) fn remove(
-    plan: &Plan,
-    looked: &Looked,
-    chosen: impl Fn(&Entry) -> bool,
+    plan: &SourceActionPlan,
+    looked: &SourceListing,
+    chosen: impl Fn(&ListedFile) -> bool,
     cancel: &Cancel,
-) -> Result<(), Left> {
-    let is_folder = looked.entries.first().is_some_and(|entry| entry.kind == Kind::Folder);
+) -> Result<(), NotMoved> {
+    let is_folder = looked.entries.first().is_some_and(|entry| entry.kind == FileKind::Folder);
     for entry in looked.entries.iter().rev() {
         stopped(cancel)?;
         let path = full(&plan.source, &entry.path);
         let failing = |errno: Errno| left(DiskError::new("remove", &path, errno.into()));
         let removed = match entry.kind {
-            Kind::Folder => removed(looked, entry, AtFlags::REMOVEDIR),
+            FileKind::Folder => removed(looked, entry, AtFlags::REMOVEDIR),
             _ if is_folder && !chosen(entry) => continue,
             _ => match looked.again(entry) {
                 Ok(now) if now == *entry => removed(looked, entry, AtFlags::empty()),
                 Ok(_) => {
-                    return Err(Left::ForGood(format!(
+                    return Err(NotMoved::ForGood(format!(
                         "{} has changed since it was converted",
                         path.display()
                     )));
@@ -257,7 +272,7 @@ pub(super) fn remove(
         match removed {
             Ok(()) | Err(Errno::NOENT) => {}
             // Something of somebody's is still in it.
-            Err(Errno::NOTEMPTY | Errno::EXIST) if entry.kind == Kind::Folder => {}
+            Err(Errno::NOTEMPTY | Errno::EXIST) if entry.kind == FileKind::Folder => {}
             Err(errno) => return Err(failing(errno)),
         }
     }
@@ -265,19 +280,19 @@ pub(super) fn remove(
     Ok(())
 }
 
-fn removed(looked: &Looked, entry: &Entry, flags: AtFlags) -> Result<(), Errno> {
+fn removed(looked: &SourceListing, entry: &ListedFile, flags: AtFlags) -> Result<(), Errno> {
     let (folder, name) = looked.place(&entry.path)?;
     unlinkat(&folder, &name, flags)
 }
 
-fn input_of<'a>(plan: &'a Plan, entry: &Entry) -> Option<&'a Input> {
+fn input_of<'a>(plan: &'a SourceActionPlan, entry: &ListedFile) -> Option<&'a QueuedFile> {
     plan.inputs.iter().find(|input| input.path.strip_prefix(&plan.source).is_ok_and(|p| p == entry.path))
 }
 
-fn stopped(cancel: &Cancel) -> Result<(), Left> {
-    if cancel.is_cancelled() { Err(Left::ForNow("the daemon stops".to_string())) } else { Ok(()) }
+fn stopped(cancel: &Cancel) -> Result<(), NotMoved> {
+    if cancel.is_cancelled() { Err(NotMoved::ForNow("the daemon stops".to_string())) } else { Ok(()) }
 }
 
-fn left(error: DiskError) -> Left {
-    if error.may_pass() { Left::ForNow(error.to_string()) } else { Left::ForGood(error.to_string()) }
+fn left(error: DiskError) -> NotMoved {
+    if error.may_pass() { NotMoved::ForNow(error.to_string()) } else { NotMoved::ForGood(error.to_string()) }
 }

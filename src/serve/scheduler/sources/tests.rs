@@ -8,7 +8,7 @@ use super::*;
 
 struct Place {
     folder: tempfile::TempDir,
-    plan: Plan,
+    plan: SourceActionPlan,
 }
 
 impl Place {
@@ -17,7 +17,7 @@ impl Place {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().canonicalize().expect("a path").join("inbox");
         let source = root.join(source);
-        let mut plan = Plan {
+        let mut plan = SourceActionPlan {
             source: source.clone(),
             name: "city".into(),
             revision: 2,
@@ -41,7 +41,7 @@ impl Place {
         Place { folder, plan }
     }
 
-    fn put_away(&self) -> Result<PutAway, Left> {
+    fn put_away(&self) -> Result<SourceActionOutcome, NotMoved> {
         put_away(&self.plan, &Disk::new(), &Cancel::default())
     }
 
@@ -51,7 +51,7 @@ impl Place {
 
     /// What was refused, and that nothing was touched.
     fn stays(&self, word: &str) {
-        let Err(Left::ForGood(why)) = self.put_away() else { panic!("it was put away") };
+        let Err(NotMoved::ForGood(why)) = self.put_away() else { panic!("it was put away") };
         assert!(why.contains(word), "{why}");
         for input in &self.plan.inputs {
             assert!(input.path.symlink_metadata().is_ok(), "{} is gone", input.path.display());
@@ -59,9 +59,9 @@ impl Place {
     }
 }
 
-fn input(path: &Path) -> Input {
+fn input(path: &Path) -> QueuedFile {
     let meta = fs::metadata(path).expect("there");
-    Input {
+    QueuedFile {
         path: path.to_path_buf(),
         size: meta.len(),
         mtime_ns: meta.mtime() * 1_000_000_000 + meta.mtime_nsec(),
@@ -81,11 +81,11 @@ fn a_file_moves_and_nothing_in_its_place_is_ever_overwritten() {
             fs::create_dir_all(place.done("")).expect("made");
             fs::write(place.done(name), "of old").expect("written");
         }
-        assert_eq!(place.put_away(), Ok(PutAway::Moved(place.done(name))));
+        assert_eq!(place.put_away(), Ok(SourceActionOutcome::Moved(place.done(name))));
         assert!(there.iter().all(|name| fs::read_to_string(place.done(name)).expect("there") == "of old"));
         assert_eq!(fs::read_to_string(place.done(name)).expect("there"), "content of ");
         assert!(!place.plan.source.exists());
-        assert_eq!(place.put_away(), Ok(PutAway::Gone), "asked again after a crash");
+        assert_eq!(place.put_away(), Ok(SourceActionOutcome::Gone), "asked again after a crash");
     }
 }
 
@@ -93,7 +93,7 @@ fn a_file_moves_and_nothing_in_its_place_is_ever_overwritten() {
 fn a_folder_moves_as_a_folder_with_all_that_is_in_it() {
     let place = Place::new(OnDone::Move, "tiles", &["a.las", "deep/b.las"]);
     fs::write(place.plan.source.join("notes.txt"), "mine").expect("written");
-    assert_eq!(place.put_away(), Ok(PutAway::Moved(place.done("tiles"))));
+    assert_eq!(place.put_away(), Ok(SourceActionOutcome::Moved(place.done("tiles"))));
     for name in ["a.las", "deep/b.las", "notes.txt"] {
         assert!(place.done("tiles").join(name).exists(), "{name}");
     }
@@ -104,12 +104,12 @@ fn a_folder_moves_as_a_folder_with_all_that_is_in_it() {
 fn deleting_a_folder_takes_what_was_converted_and_leaves_what_is_somebodys_own() {
     let place = Place::new(OnDone::Delete, "tiles", &["a.las", "deep/b.las"]);
     fs::write(place.plan.source.join(marker::NAME), "{}").expect("written");
-    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+    assert_eq!(place.put_away(), Ok(SourceActionOutcome::Removed));
     assert!(!place.plan.source.exists());
 
     let place = Place::new(OnDone::Delete, "tiles", &["a.las", "deep/b.las"]);
     fs::write(place.plan.source.join("notes.txt"), "mine").expect("written");
-    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+    assert_eq!(place.put_away(), Ok(SourceActionOutcome::Removed));
     let left: Vec<_> =
         fs::read_dir(&place.plan.source).expect("there").map(|e| e.expect("one").file_name()).collect();
     assert_eq!(left, ["notes.txt"]);
@@ -131,7 +131,7 @@ fn what_changed_or_came_since_is_never_touched() {
     }
     let place = Place::new(OnDone::Move, "tiles", &["a.las", "b.las"]);
     fs::remove_file(place.plan.source.join("b.las")).expect("removed");
-    let Err(Left::ForGood(why)) = place.put_away() else { panic!("half of it was moved") };
+    let Err(NotMoved::ForGood(why)) = place.put_away() else { panic!("half of it was moved") };
     assert!(why.contains("b.las"), "{why}");
 }
 
@@ -148,14 +148,14 @@ fn nothing_is_done_through_links_or_outside_of_the_watched_folders() {
         for name in ["a.las", "deep"] {
             fs::rename(place.plan.source.join(name), &away).expect("moved");
             symlink(&away, place.plan.source.join(name)).expect("linked");
-            let Err(Left::ForGood(_)) = place.put_away() else { panic!("through a link") };
+            let Err(NotMoved::ForGood(_)) = place.put_away() else { panic!("through a link") };
             assert!(away.exists());
             fs::remove_file(place.plan.source.join(name)).expect("removed");
             fs::rename(&away, place.plan.source.join(name)).expect("back");
         }
         fs::rename(&place.plan.source, &away).expect("moved");
         symlink(&away, &place.plan.source).expect("linked");
-        let Err(Left::ForGood(_)) = place.put_away() else { panic!("through a link") };
+        let Err(NotMoved::ForGood(_)) = place.put_away() else { panic!("through a link") };
         assert!(away.join("a.las").exists() && away.join("deep/b.las").exists());
     }
 }
@@ -164,7 +164,7 @@ fn nothing_is_done_through_links_or_outside_of_the_watched_folders() {
 fn a_missing_mount_is_waited_for() {
     let place = Place::new(OnDone::Delete, "a.las", &[""]);
     fs::rename(place.folder.path().join("inbox"), place.folder.path().join("away")).expect("gone");
-    assert!(matches!(place.put_away(), Err(Left::ForNow(_))));
+    assert!(matches!(place.put_away(), Err(NotMoved::ForNow(_))));
 }
 
 /// Everything but the rename itself, of a move to another file system: as if cut
@@ -186,7 +186,11 @@ fn a_copy_to_another_disk_is_whole_before_anything_is_removed() {
             );
             fs::remove_file(place.plan.source.join(file)).expect("removed");
         }
-        assert_eq!(place.put_away(), Ok(PutAway::Moved(place.done("tiles"))), "{removed} removed");
+        assert_eq!(
+            place.put_away(),
+            Ok(SourceActionOutcome::Moved(place.done("tiles"))),
+            "{removed} removed"
+        );
         assert!(!place.plan.source.exists());
         assert_eq!(fs::read_dir(place.done("")).expect("there").count(), 1, "no second copy");
         assert_eq!(fs::read_dir(place.done("tiles/deep")).expect("there").count(), 2);
@@ -209,7 +213,11 @@ fn a_fault_at_any_step_of_a_copy_loses_nothing() {
         finished |= copied.is_ok();
         assert!(place.plan.source.exists());
         assert!(!target.exists() || fs::read(&target).expect("whole") == b"content of ");
-        assert_eq!(place.put_away(), Ok(PutAway::Moved(target)), "after fault {nth}, with room again");
+        assert_eq!(
+            place.put_away(),
+            Ok(SourceActionOutcome::Moved(target)),
+            "after fault {nth}, with room again"
+        );
     }
     assert!(finished, "the faults never ended");
 }
@@ -223,7 +231,7 @@ fn a_copy_to_another_disk_leaves_the_reserve_alone() {
     let target = place.done("a.las");
     let copied =
         relocate::copy(&place.plan, &looked, &place.done(""), &target, &Disk::new(), &Cancel::default());
-    let Err(Left::ForNow(why)) = copied else { panic!("it was copied") };
+    let Err(NotMoved::ForNow(why)) = copied else { panic!("it was copied") };
     assert!(why.contains("free") && !target.exists(), "{why}");
 }
 
@@ -236,7 +244,7 @@ fn a_content_that_is_not_what_was_converted_is_not_moved_to_another_disk() {
     let disk = Disk::new();
     disk.create_dir_all(&place.done("")).expect("made");
     let copied = relocate::copy(&place.plan, &looked, &place.done(""), &target, &disk, &Cancel::default());
-    assert!(matches!(copied, Err(Left::ForGood(_))) && !target.exists() && place.plan.source.exists());
+    assert!(matches!(copied, Err(NotMoved::ForGood(_))) && !target.exists() && place.plan.source.exists());
 }
 
 #[test]
@@ -292,9 +300,9 @@ fn without_its_octree_a_source_stays() {
 fn a_source_that_is_written_to_waits() {
     let place = Place::new(OnDone::Delete, "a.las", &[""]);
     let writer = fs::File::options().append(true).open(&place.plan.source).expect("opened");
-    assert!(matches!(place.put_away(), Err(Left::ForNow(_))));
+    assert!(matches!(place.put_away(), Err(NotMoved::ForNow(_))));
     drop(writer);
-    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+    assert_eq!(place.put_away(), Ok(SourceActionOutcome::Removed));
 }
 
 #[test]
@@ -305,13 +313,13 @@ fn what_systems_left_goes_and_what_is_somebodys_own_keeps_it() {
     fs::write(place.plan.source.join("deep/.DS_Store"), "x").expect("written");
     fs::create_dir(place.plan.source.join("__MACOSX")).expect("made");
     fs::write(place.plan.source.join("__MACOSX/._a.las"), apple).expect("written");
-    assert_eq!(place.put_away(), Ok(PutAway::Removed));
+    assert_eq!(place.put_away(), Ok(SourceActionOutcome::Removed));
     assert!(!place.plan.source.exists());
     for (name, text) in [("notes.txt", &b"mine"[..]), ("._b.las", b"LASF"), ("._c.las", b"")] {
         let place = Place::new(OnDone::Delete, "tiles", &["a.las"]);
         fs::write(place.plan.source.join(name), text).expect("written");
         fs::write(place.plan.source.join(".DS_Store"), "x").expect("written");
-        assert_eq!(place.put_away(), Ok(PutAway::Removed));
+        assert_eq!(place.put_away(), Ok(SourceActionOutcome::Removed));
         assert!(
             place.plan.source.join(name).exists() && place.plan.source.join(".DS_Store").exists(),
             "{name}"

@@ -24,7 +24,7 @@ const LONGEST: Duration = Duration::from_secs(60);
 
 /// Figures of all jobs.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Totals {
+pub(super) struct JobTotals {
     /// How many jobs are shown in each state.
     pub counts: Vec<(Shown, i64)>,
     /// Jobs that were done, and their points, by hours since 1970.
@@ -32,25 +32,25 @@ pub(super) struct Totals {
 }
 
 #[derive(Debug, Clone)]
-struct Kept {
+struct CachedFigures {
     /// The latest line of history that they know of.
     event: i64,
     at: Instant,
     /// Not to be counted anew before.
     rests_until: Instant,
-    totals: Totals,
+    totals: JobTotals,
 }
 
 /// The latest figures, for all pages. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
-    kept: Arc<Mutex<Option<Kept>>>,
+    kept: Arc<Mutex<Option<CachedFigures>>>,
     /// A page was told figures from before the latest news.
     is_behind: Arc<AtomicBool>,
 }
 
 impl Figures {
-    pub(super) async fn get(&self, store: &Store, now: Millis) -> Result<Totals> {
+    pub(super) async fn get(&self, store: &Store, now: Millis) -> Result<JobTotals> {
         // Held meanwhile: one asks, the others get its answer.
         let mut kept = self.kept.lock().await;
         // Before they are counted: what happens in between is counted once more.
@@ -65,12 +65,12 @@ impl Figures {
                 return Ok(kept.totals.clone());
             }
         }
-        let totals = Totals {
+        let totals = JobTotals {
             counts: store.shown_counts().await?,
             hours: store.done_by_hour(now - HOURS * HOUR).await?,
         };
         let rests_until = start + (start.elapsed() * PAUSE).min(LONGEST_PAUSE);
-        *kept = Some(Kept { event, at: start, rests_until, totals: totals.clone() });
+        *kept = Some(CachedFigures { event, at: start, rests_until, totals: totals.clone() });
         Ok(totals)
     }
 

@@ -8,18 +8,18 @@ use axum::response::{IntoResponse, Response};
 use maud::{DOCTYPE, Markup, html};
 
 use super::super::session::Role;
-use super::super::shared::Shared;
+use super::super::shared::AppState;
 use super::{assets, parts};
 
 /// The path under which all is served, as behind a proxy; empty, or without a
 /// slash at its end.
-pub(super) fn base(shared: &Shared) -> &str {
+pub(super) fn base(shared: &AppState) -> &str {
     shared.config.access.base()
 }
 
 /// A whole page around `main`. Whoever may only read is shown no order: all of them
 /// are forms that are sent by POST, which the stylesheet hides.
-pub(super) fn page(shared: &Shared, role: Role, title: &str, main: Markup) -> Response {
+pub(super) fn page(shared: &AppState, role: Role, title: &str, main: Markup) -> Response {
     let base = base(shared);
     let body = html! {
         (head(base, title))
@@ -125,7 +125,7 @@ fn answer(status: StatusCode, page: Markup) -> Response {
 const LONGEST_REFUSAL: usize = 64 * 1024;
 
 /// Turns the refusal of a request, which is JSON, into a page for people.
-pub(super) async fn explain(Extract(shared): Extract<Shared>, request: Request, next: Next) -> Response {
+pub(super) async fn explain(Extract(shared): Extract<AppState>, request: Request, next: Next) -> Response {
     let accepts = request.headers().get(header::ACCEPT);
     let wants_json = accepts.is_some_and(|value| value.as_bytes().starts_with(b"application/json"));
     let answer = next.run(request).await;

@@ -7,15 +7,15 @@ use serde::Deserialize;
 
 use super::super::api::{self, JobView};
 use super::super::octrees;
-use super::super::refusal::Refusal;
+use super::super::refusal::ApiError;
 use super::super::session::Role;
-use super::super::shared::Shared;
+use super::super::shared::AppState;
 use super::{attributes, frame, parts, result, share, verified, view as viewer, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::state_machine::next;
 use crate::serve::job::time::iso8601;
-use crate::serve::job::{Event, Input, State};
-use crate::serve::log::Line;
+use crate::serve::job::{Event, QueuedFile, State};
+use crate::serve::log::LogLine;
 use crate::serve::queue::{Attempt, Drawn, History};
 use crate::words::Lines;
 
@@ -24,16 +24,16 @@ const INPUTS: usize = 200;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Asked {
+pub(super) struct JobQuery {
     said: Option<String>,
 }
 
 pub(super) async fn page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Extension(role): Extension<Role>,
     Path(id): Path<i64>,
-    Query(asked): Query<Asked>,
-) -> Result<Response, Refusal> {
+    Query(asked): Query<JobQuery>,
+) -> Result<Response, ApiError> {
     let (base, now) = (frame::base(&shared), shared.clock.now());
     let view = api::one(&shared, id).await?;
     let inputs = shared.store.inputs(id).await?;
@@ -227,7 +227,7 @@ fn orders(base: &str, view: &JobView) -> Markup {
     }
 }
 
-fn sources(view: &JobView, inputs: &[Input], now: Millis) -> Markup {
+fn sources(view: &JobView, inputs: &[QueuedFile], now: Millis) -> Markup {
     html! {
         section.card #inputs aria-labelledby="inputs-title" {
             h2 #inputs-title { "What came in" }
@@ -318,7 +318,7 @@ fn happened(kind: &str) -> &str {
     }
 }
 
-fn log(lines: &[Line]) -> Markup {
+fn log(lines: &[LogLine]) -> Markup {
     if lines.is_empty() {
         return html! {};
     }

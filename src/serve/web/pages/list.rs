@@ -6,13 +6,13 @@ use maud::{Markup, html};
 use serde::Deserialize;
 
 use super::super::api::{self, JobView};
-use super::super::refusal::Refusal;
+use super::super::refusal::ApiError;
 use super::super::session::Role;
-use super::super::shared::Shared;
+use super::super::shared::AppState;
 use super::{crs, frame, overview, parts, view as viewer, words};
 use crate::platform::clock::Millis;
 use crate::serve::job::State;
-use crate::serve::queue::{Listing, Page, Place, Reason, Shown, Sort};
+use crate::serve::queue::{FailureReason, Listing, ListingCursor, ListingPage, Shown, Sort};
 use crate::words::{Lines, is_invisible};
 
 /// Jobs on a page.
@@ -25,7 +25,7 @@ const LONGEST_SEARCH: usize = 200;
 /// What an address asks for. What is not understood asks for nothing.
 #[derive(Debug, Default, Clone, Deserialize)]
 #[serde(default)]
-pub(super) struct Asked {
+pub(super) struct ListQuery {
     state: Option<String>,
     q: Option<String>,
     sort: Option<String>,
@@ -34,7 +34,7 @@ pub(super) struct Asked {
     n: Option<u64>,
 }
 
-impl Asked {
+impl ListQuery {
     pub fn listing(&self) -> Listing {
         // Names hold nothing invisible, see `serve::watch::names`.
         let search = self.q.as_deref().unwrap_or("").replace(is_invisible, "");
@@ -61,7 +61,7 @@ fn order_name(sort: Sort, ascending: bool) -> String {
 }
 
 /// The address of a listing, and of a place in it.
-fn address(base: &str, listing: &Listing, place: Option<&Place>) -> String {
+fn address(base: &str, listing: &Listing, place: Option<&ListingCursor>) -> String {
     let mut pairs = vec![];
     pairs.extend(listing.shown.map(|shown| ("state", shown.name().to_string())));
     if !listing.search.is_empty() {
@@ -88,13 +88,13 @@ pub(super) fn encoded(text: &str) -> String {
 }
 
 pub(super) async fn page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Extension(role): Extension<Role>,
-    Query(asked): Query<Asked>,
-) -> Result<Response, Refusal> {
+    Query(asked): Query<ListQuery>,
+) -> Result<Response, ApiError> {
     let (base, now) = (frame::base(&shared), shared.clock.now());
     let listing = asked.listing();
-    let place = asked.at.as_deref().and_then(Place::parse);
+    let place = asked.at.as_deref().and_then(ListingCursor::parse);
     let page = shared.store.listing(&listing, place.as_ref(), JOBS).await?;
     let totals = shared.figures.get(&shared.store, shared.clock.now()).await?;
     let counts = &totals.counts;
@@ -181,7 +181,7 @@ const ORDERS: [(Sort, bool, &str); 10] = [
 ];
 
 /// Why the jobs of this listing failed, for six hundred are not read one by one.
-fn why(base: &str, listing: &Listing, reasons: &[Reason]) -> Markup {
+fn why(base: &str, listing: &Listing, reasons: &[FailureReason]) -> Markup {
     let state = listing.shown.map_or("failed", Shown::name);
     html! {
         section.card.why #why aria-labelledby="why-title" {
@@ -344,7 +344,7 @@ fn about(view: &JobView) -> String {
     about.join(" · ")
 }
 
-fn pager(base: &str, listing: &Listing, page: &Page, total: i64) -> Markup {
+fn pager(base: &str, listing: &Listing, page: &ListingPage, total: i64) -> Markup {
     let total = words::counted(total.max(0) as u64, "job", "jobs");
     html! {
         nav.pager #pager aria-label="Pages" {

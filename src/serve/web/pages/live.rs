@@ -19,10 +19,10 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, oneshot};
 use tokio_util::io::ReaderStream;
 
-use super::super::refusal::Refusal;
+use super::super::refusal::ApiError;
 use super::super::server::Peer;
-use super::super::shared::Shared;
-use super::super::streams::Place;
+use super::super::shared::AppState;
+use super::super::streams::StreamPlace;
 use super::parts;
 use super::subscribers::Live;
 
@@ -41,7 +41,7 @@ const MOST: i64 = 200;
 impl Live {
     /// Whoever fetches a page after this has come back misses nothing: what happens from
     /// then on is told.
-    async fn subscribe(&self, shared: &Shared) -> broadcast::Receiver<Arc<str>> {
+    async fn subscribe(&self, shared: &AppState) -> broadcast::Receiver<Arc<str>> {
         let receiver = self.sender.subscribe();
         if !self.looking.swap(true, Ordering::SeqCst) {
             let (begun, has_begun) = oneshot::channel();
@@ -54,14 +54,14 @@ impl Live {
 }
 
 pub(in super::super) async fn stream(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     peer: Option<Extension<Peer>>,
 ) -> Response {
     let peer = peer.map(|Extension(Peer(address))| address);
     let Some(place) = shared.streams.open(peer, Instant::now()) else {
         let retry = [(header::RETRY_AFTER, "30")];
         let text = "all places for open pages are taken; this one asks now and then instead";
-        return (retry, Refusal::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
+        return (retry, ApiError::new(StatusCode::SERVICE_UNAVAILABLE, text)).into_response();
     };
     let news = shared.live.subscribe(&shared).await;
     let (writer, reader) = tokio::io::duplex(BUFFER);
@@ -77,10 +77,10 @@ pub(in super::super) async fn stream(
 
 /// Passes on what is told, until the reader is gone or the daemon stops.
 async fn feed(
-    shared: Shared,
+    shared: AppState,
     mut news: broadcast::Receiver<Arc<str>>,
     mut to: tokio::io::DuplexStream,
-    place: Place,
+    place: StreamPlace,
 ) {
     let mut text: Arc<str> = "retry: 2000\n\n".into();
     loop {
@@ -103,7 +103,7 @@ async fn feed(
 }
 
 /// Looks for news as long as somebody listens; has begun once it knows what is no news.
-async fn look(shared: Shared, live: Live, begun: oneshot::Sender<()>) {
+async fn look(shared: AppState, live: Live, begun: oneshot::Sender<()>) {
     let mut seen = Seen::default();
     if let Err(error) = seen.news(&shared, true).await {
         tracing::warn!(%error, "open pages are told nothing for now");
@@ -142,7 +142,7 @@ struct Seen {
 }
 
 impl Seen {
-    async fn news(&mut self, shared: &Shared, all: bool) -> crate::serve::queue::Result<String> {
+    async fn news(&mut self, shared: &AppState, all: bool) -> crate::serve::queue::Result<String> {
         let mut text = String::new();
         let latest = shared.store.latest_event().await?;
         let mut changed = false;
@@ -197,7 +197,7 @@ impl Seen {
         true
     }
 
-    fn progress(&mut self, shared: &Shared, text: &mut String) {
+    fn progress(&mut self, shared: &AppState, text: &mut String) {
         let readings = shared.board.readings(shared.clock.now());
         let all: Vec<_> = readings
             .iter()

@@ -32,13 +32,13 @@ use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 
 use super::octrees;
-use super::shared::Shared;
+use super::shared::AppState;
 
 pub use figures::Figures;
 pub use subscribers::Live;
 
 /// Pages and forms that answer at once.
-pub(super) fn router(shared: &Shared) -> Router<Shared> {
+pub(super) fn router(shared: &AppState) -> Router<AppState> {
     Router::new()
         .route("/", get(list::page))
         .route("/jobs/{id}", get(job::page))
@@ -50,14 +50,14 @@ pub(super) fn router(shared: &Shared) -> Router<Shared> {
 }
 
 /// Uploads: as long and as large as the configuration allows.
-pub(super) fn upload_router(shared: &Shared) -> Router<Shared> {
+pub(super) fn upload_router(shared: &AppState) -> Router<AppState> {
     Router::new()
         .route("/upload", post(upload::receive).layer(DefaultBodyLimit::disable()))
         .layer(from_fn_with_state(shared.clone(), frame::explain))
 }
 
 /// What anybody may have: it tells nothing.
-pub(super) fn open_router() -> Router<Shared> {
+pub(super) fn open_router() -> Router<AppState> {
     Router::new()
         .route("/share/{token}", get(share::page))
         .route("/share/{token}/view", get(view::shared_page))

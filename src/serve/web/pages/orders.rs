@@ -5,19 +5,19 @@ use axum::extract::{Form, Path, State as Extract};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Redirect, Response};
 
-use super::super::refusal::Refusal;
-use super::super::shared::Shared;
+use super::super::refusal::ApiError;
+use super::super::shared::AppState;
 use super::frame;
 use crate::serve::job::{Event, JobId};
-use crate::serve::queue::{Listing, Mode, Shown};
+use crate::serve::queue::{Listing, QueueMode, Shown};
 
 /// Jobs that one order of all reaches.
 const MOST: i64 = 200_000;
 
 /// The fields of a form; one may stand more than once.
-type Fields = Vec<(String, String)>;
+type FormFields = Vec<(String, String)>;
 
-fn field<'a>(fields: &'a Fields, name: &str) -> Option<&'a str> {
+fn field<'a>(fields: &'a FormFields, name: &str) -> Option<&'a str> {
     fields.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
 }
 
@@ -31,29 +31,29 @@ fn event(order: &str) -> Option<Event> {
     })
 }
 
-fn unknown() -> Refusal {
-    Refusal::new(StatusCode::BAD_REQUEST, "this order is none of the page's; reload it and try again")
+fn unknown() -> ApiError {
+    ApiError::new(StatusCode::BAD_REQUEST, "this order is none of the page's; reload it and try again")
 }
 
 /// An order to one job.
 pub(super) async fn one(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(id): Path<JobId>,
-    Form(fields): Form<Fields>,
-) -> Result<Response, Refusal> {
+    Form(fields): Form<FormFields>,
+) -> Result<Response, ApiError> {
     let (now, order) = (shared.clock.now(), field(&fields, "order").unwrap_or(""));
     match order {
         "priority" => {
             let wanted = field(&fields, "priority").and_then(|value| value.trim().parse().ok());
             let wanted = wanted.ok_or_else(|| {
-                Refusal::new(StatusCode::BAD_REQUEST, "a priority is a whole number; higher goes first")
+                ApiError::new(StatusCode::BAD_REQUEST, "a priority is a whole number; higher goes first")
             })?;
             shared.store.set_priority(id, wanted, now).await?;
         }
         "preview" => {
             if !shared.config.preview {
                 let text = "this daemon makes no pictures (`preview = false` in its configuration)";
-                return Err(Refusal::new(StatusCode::CONFLICT, text));
+                return Err(ApiError::new(StatusCode::CONFLICT, text));
             }
             shared.store.order_preview(id, now).await?;
         }
@@ -80,9 +80,9 @@ pub(super) async fn one(
 /// An order to the jobs that were chosen, to all in a state, or to those of them that
 /// failed for one reason.
 pub(super) async fn many(
-    Extract(shared): Extract<Shared>,
-    Form(fields): Form<Fields>,
-) -> Result<Response, Refusal> {
+    Extract(shared): Extract<AppState>,
+    Form(fields): Form<FormFields>,
+) -> Result<Response, ApiError> {
     let (now, order) = (shared.clock.now(), field(&fields, "order").unwrap_or(""));
     let jobs: Vec<JobId> = match field(&fields, "all") {
         Some(all) => {
@@ -115,10 +115,10 @@ pub(super) async fn many(
 
 /// Whether jobs are started.
 pub(super) async fn all(
-    Extract(shared): Extract<Shared>,
-    Form(fields): Form<Fields>,
-) -> Result<Response, Refusal> {
-    let mode = field(&fields, "mode").and_then(Mode::parse).ok_or_else(unknown)?;
+    Extract(shared): Extract<AppState>,
+    Form(fields): Form<FormFields>,
+) -> Result<Response, ApiError> {
+    let mode = field(&fields, "mode").and_then(QueueMode::parse).ok_or_else(unknown)?;
     shared.store.set_mode(mode).await?;
     tracing::info!(mode = mode.name(), "set by an operator");
     shared.bell.notify_one();

@@ -1,13 +1,13 @@
 //! What stands around the list: how the daemon is, what it may do, where files go
 //! and what waits there.
 
-use super::super::refusal::Refusal;
-use super::super::shared::Shared;
-use super::figures::Totals;
+use super::super::refusal::ApiError;
+use super::super::shared::AppState;
+use super::figures::JobTotals;
 use super::{charts, figures, frame, parts, words};
 use crate::serve::job::State;
-use crate::serve::queue::{Mode, Shown};
-use crate::serve::watch::events::Mode as News;
+use crate::serve::queue::{QueueMode, Shown};
+use crate::serve::watch::events::NotifyMode as News;
 use crate::words::Lines;
 use maud::{Markup, html};
 
@@ -15,7 +15,7 @@ use maud::{Markup, html};
 const WAITING: usize = 200;
 
 /// What somebody must know before all else.
-pub(super) async fn banners(shared: &Shared) -> Result<Markup, Refusal> {
+pub(super) async fn banners(shared: &AppState) -> Result<Markup, ApiError> {
     let health = shared.health();
     let free = shared.disk.free_space(&shared.config.octrees()).ok();
     let reserve = shared.config.disk_reserve;
@@ -23,9 +23,9 @@ pub(super) async fn banners(shared: &Shared) -> Result<Markup, Refusal> {
     let base = frame::base(shared);
     Ok(html! {
         div #banners {
-            @if mode != Mode::Run {
+            @if mode != QueueMode::Run {
                 div.banner.warn {
-                    @if mode == Mode::Pause {
+                    @if mode == QueueMode::Pause {
                         "Everything is paused: nothing runs until it is resumed."
                     } @else {
                         "Draining: what runs goes on to its end, nothing new is started."
@@ -55,7 +55,7 @@ pub(super) async fn banners(shared: &Shared) -> Result<Markup, Refusal> {
 }
 
 /// Figures of the whole daemon, and what steers it.
-pub(super) async fn strip(shared: &Shared, totals: &Totals) -> Result<Markup, Refusal> {
+pub(super) async fn strip(shared: &AppState, totals: &JobTotals) -> Result<Markup, ApiError> {
     let now = shared.clock.now();
     let of = |state: State| {
         totals
@@ -100,9 +100,9 @@ pub(super) async fn strip(shared: &Shared, totals: &Totals) -> Result<Markup, Re
             }
             form.modes method="post" action={ (base) "/queue/order" } {
                 @for (each, text, what) in [
-                    (Mode::Run, "Run", "Start jobs as they come"),
-                    (Mode::Drain, "Drain", "Let what runs end, start nothing new"),
-                    (Mode::Pause, "Pause all", "Stop what runs for now, start nothing new"),
+                    (QueueMode::Run, "Run", "Start jobs as they come"),
+                    (QueueMode::Drain, "Drain", "Let what runs end, start nothing new"),
+                    (QueueMode::Pause, "Pause all", "Stop what runs for now, start nothing new"),
                 ] {
                     button name="mode" value=(each.name()) title=(what)
                         aria-pressed=(if each == mode { "true" } else { "false" }) { (text) }
@@ -120,7 +120,7 @@ fn resident() -> Option<u64> {
 }
 
 /// Where files are handed in.
-pub(super) fn upload(shared: &Shared, base: &str) -> Markup {
+pub(super) fn upload(shared: &AppState, base: &str) -> Markup {
     if !shared.config.upload {
         return html! {};
     }
@@ -138,7 +138,7 @@ pub(super) fn upload(shared: &Shared, base: &str) -> Markup {
 }
 
 /// What a newcomer does first.
-pub(super) fn welcome(shared: &Shared) -> Markup {
+pub(super) fn welcome(shared: &AppState) -> Markup {
     html! {
         section.card.welcome {
             h2 { "Nothing here yet. Give it a point cloud." }
@@ -160,7 +160,7 @@ pub(super) fn welcome(shared: &Shared) -> Markup {
 }
 
 /// The watched folders, and what waits in them and why.
-pub(super) fn waiting(shared: &Shared) -> Markup {
+pub(super) fn waiting(shared: &AppState) -> Markup {
     let health = shared.health();
     html! {
         section.card #waiting aria-labelledby="folders-title" {

@@ -8,7 +8,7 @@ use crate::platform::clock::Millis;
 use crate::serve::job::time::iso8601;
 use crate::serve::job::{JobId, State};
 use crate::serve::queue::Drawn;
-use crate::serve::queue::progress::Reading;
+use crate::serve::queue::progress::ProgressReading;
 use crate::words::Lines;
 
 /// What a stage does, in a word or two.
@@ -48,7 +48,7 @@ pub(super) fn owes_picture(view: &JobView) -> bool {
 }
 
 /// What a running job's bars say in words.
-pub(super) fn says(reading: &Reading) -> String {
+pub(super) fn says(reading: &ProgressReading) -> String {
     let mut text = format!("{} {:.0} %", stage(reading.stage), reading.percent);
     if let Some(seconds) = reading.whole_seconds_left {
         text += &format!(" · {}", words::left(seconds));
@@ -60,7 +60,7 @@ pub(super) fn says(reading: &Reading) -> String {
 }
 
 /// Two bars: the whole conversion, and the stage it is in. The script moves them.
-pub(super) fn progress(job: JobId, reading: &Reading) -> Markup {
+pub(super) fn progress(job: JobId, reading: &ProgressReading) -> Markup {
     let (whole, stage) = (format!("{:.1}", reading.whole_percent), format!("{:.1}", reading.percent));
     html! {
         div.progress data-progress=(job) {

@@ -7,8 +7,8 @@ use axum::response::Response;
 use maud::{Markup, html};
 
 use super::super::api::{self, JobView};
-use super::super::refusal::Refusal;
-use super::super::shared::Shared;
+use super::super::refusal::ApiError;
+use super::super::shared::AppState;
 use super::super::{files, octrees};
 use super::{attributes, crs, frame, parts, words};
 use crate::platform::clock::Millis;
@@ -18,7 +18,7 @@ use crate::serve::queue::Share;
 /// What an octree is made of, beside its pictures.
 const FILES: [&str; 3] = ["metadata.json", "hierarchy.bin", "octree.bin"];
 
-pub(super) fn nothing(shared: &Shared) -> Response {
+pub(super) fn nothing(shared: &AppState) -> Response {
     frame::bare(
         frame::base(shared),
         "Lodestone",
@@ -34,9 +34,9 @@ pub(super) fn nothing(shared: &Shared) -> Response {
 
 /// A page with the octree's picture and where viewers find it.
 pub(super) async fn page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(token): Path<String>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let Some(name) = shared.store.shared(&token).await? else { return Ok(nothing(&shared)) };
     let Some(job) = shared.store.standing(&name).await? else { return Ok(nothing(&shared)) };
     let base = frame::base(&shared);
@@ -70,10 +70,10 @@ pub(super) async fn page(
 
 /// A file of the octree, whole or a part of it, for viewers on any page.
 pub(super) async fn file(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path((token, path)): Path<(String, String)>,
     asked: HeaderMap,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let Some(name) = shared.store.shared(&token).await? else { return Ok(nothing(&shared)) };
     let picture =
         path.strip_prefix("preview/").is_some_and(|rest| !rest.contains('/') && !rest.starts_with('.'));
@@ -89,7 +89,7 @@ pub(super) async fn file(
 /// What a link is for people, a page, and for viewers, a file.
 pub(in super::super) fn addresses(base: &str, share: &Share, job: &Job) -> [String; 2] {
     let page = format!("{base}/share/{}", share.token);
-    let file = format!("{page}/octree/{}", octrees::Made::of(job).entry());
+    let file = format!("{page}/octree/{}", octrees::JobOutputs::of(job).entry());
     [page, file]
 }
 

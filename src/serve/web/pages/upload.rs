@@ -17,8 +17,8 @@ use serde_json::json;
 use tokio::io::{AsyncWriteExt, BufWriter};
 use tokio::sync::Semaphore;
 
-use super::super::refusal::Refusal;
-use super::super::shared::Shared;
+use super::super::refusal::ApiError;
+use super::super::shared::AppState;
 use super::{frame, words};
 use crate::platform::disk::{Disk, DiskError};
 use crate::serve::watch::{marker, names};
@@ -60,11 +60,11 @@ impl Drop for Partial {
     }
 }
 
-fn refused(status: StatusCode, text: impl Into<String>) -> Refusal {
-    Refusal::new(status, text)
+fn refused(status: StatusCode, text: impl Into<String>) -> ApiError {
+    ApiError::new(status, text)
 }
 
-fn failed(error: &DiskError) -> Refusal {
+fn failed(error: &DiskError) -> ApiError {
     let full = matches!(error.source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded);
     let status = if full { StatusCode::INSUFFICIENT_STORAGE } else { StatusCode::INTERNAL_SERVER_ERROR };
     refused(status, error.to_string())
@@ -88,10 +88,10 @@ fn path_of(name: &str) -> Option<PathBuf> {
 }
 
 pub(in super::super) async fn receive(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     headers: HeaderMap,
     mut multipart: Multipart,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let config = &shared.config;
     if !config.upload {
         let text = "uploads are switched off here (`upload = false`); copy the files into a watched folder";
@@ -154,7 +154,7 @@ pub(in super::super) async fn receive(
 }
 
 /// Refuses what is too large, or would take the room that is to stay free.
-fn check_room(shared: &Shared, written: u64, more: u64) -> Result<(), Refusal> {
+fn check_room(shared: &AppState, written: u64, more: u64) -> Result<(), ApiError> {
     let config = &shared.config;
     if written.max(more) > config.upload_limit {
         let limit = words::bytes(config.upload_limit);
@@ -174,7 +174,7 @@ fn check_room(shared: &Shared, written: u64, more: u64) -> Result<(), Refusal> {
     Ok(())
 }
 
-async fn begin(shared: &Shared) -> Result<Partial, Refusal> {
+async fn begin(shared: &AppState) -> Result<Partial, ApiError> {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let place = folder(&shared.config.inbox()).join(format!("{}-{number}", shared.clock.now()));
@@ -186,7 +186,7 @@ async fn begin(shared: &Shared) -> Result<Partial, Refusal> {
 /// Waits for more of the request, but not for ever.
 async fn within<T>(
     more: impl Future<Output = Result<T, axum::extract::multipart::MultipartError>>,
-) -> Result<T, Refusal> {
+) -> Result<T, ApiError> {
     match tokio::time::timeout(SILENCE, more).await {
         Ok(Ok(more)) => Ok(more),
         Ok(Err(error)) => {
@@ -197,13 +197,18 @@ async fn within<T>(
     }
 }
 
-async fn drain(mut field: Field<'_>) -> Result<(), Refusal> {
+async fn drain(mut field: Field<'_>) -> Result<(), ApiError> {
     while within(field.chunk()).await?.is_some() {}
     Ok(())
 }
 
 /// Writes one file, a block at a time, so that memory stays flat however large it is.
-async fn write(shared: &Shared, mut field: Field<'_>, path: &Path, written: &mut u64) -> Result<(), Refusal> {
+async fn write(
+    shared: &AppState,
+    mut field: Field<'_>,
+    path: &Path,
+    written: &mut u64,
+) -> Result<(), ApiError> {
     let trouble = |error: io::Error| failed(&DiskError::new("write to", path, error));
     if let Some(folder) = path.parent() {
         shared.disk.create_dir_all(folder).map_err(|error| failed(&error))?;

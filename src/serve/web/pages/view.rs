@@ -9,8 +9,8 @@ use maud::{Markup, html};
 
 use super::super::api;
 use super::super::previews::PreviewView;
-use super::super::refusal::Refusal;
-use super::super::shared::Shared;
+use super::super::refusal::ApiError;
+use super::super::shared::AppState;
 use super::super::{files, octrees};
 use super::{frame, share};
 
@@ -31,10 +31,10 @@ pub(super) fn url(base: &str, name: &str) -> String {
 
 /// For whoever may read.
 pub(super) async fn page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(name): Path<String>,
-) -> Result<Response, Refusal> {
-    let none = || Refusal::new(StatusCode::NOT_FOUND, format!("there is no octree called {name}"));
+) -> Result<Response, ApiError> {
+    let none = || ApiError::new(StatusCode::NOT_FOUND, format!("there is no octree called {name}"));
     let folder = files::below(&shared.config.octrees(), &name).filter(|_| !name.contains('/'));
     let folder = folder.ok_or_else(none)?;
     if !tokio::fs::metadata(&folder).await.is_ok_and(|folder| folder.is_dir()) {
@@ -55,9 +55,9 @@ pub(super) async fn page(
 
 /// For whoever has a link.
 pub(super) async fn shared_page(
-    Extract(shared): Extract<Shared>,
+    Extract(shared): Extract<AppState>,
     Path(token): Path<String>,
-) -> Result<Response, Refusal> {
+) -> Result<Response, ApiError> {
     let Some(name) = shared.store.shared(&token).await? else { return Ok(share::nothing(&shared)) };
     let Some(job) = shared.store.standing(&name).await? else { return Ok(share::nothing(&shared)) };
     let base = frame::base(&shared);
