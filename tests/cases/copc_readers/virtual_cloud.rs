@@ -134,7 +134,8 @@ fn an_overview_shows_all_members_and_follows_them() {
     fs::remove_file(&overview).unwrap();
     // Members go, and so does what showed them.
     make(&[]);
-    assert_eq!(overviews(&list)[0].as_deref(), Some("./clouds-overview-2.copc.laz"));
+    let second = Some("./clouds-overview-2.copc.laz".to_string());
+    assert_eq!(overviews(&list).iter().filter(|one| **one == second).count(), count);
     assert!(make(&["--no-overview"]).contains("COPC files"));
     assert!(overviews(&list).iter().all(Option::is_none));
     let is_overview = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().contains("overview");
