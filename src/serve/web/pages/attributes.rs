@@ -8,6 +8,7 @@ use maud::{Markup, html};
 use serde_json::Value;
 
 use super::super::api::JobView;
+use super::super::octrees;
 use super::{charts, parts, words};
 use crate::words::class_name;
 
@@ -169,7 +170,7 @@ pub(super) fn files(on_disk: &OnDisk, view: &JobView, folder: &str) -> Markup {
                 thead { tr { th scope="col" { "File" } th.num scope="col" { "Size" } th scope="col" { span.visually-hidden { "Link" } } } }
                 tbody {
                     @for (name, bytes) in &on_disk.files {
-                        @let url = format!("{folder}/{}", name.split('/').map(super::list::encoded).collect::<Vec<_>>().join("/"));
+                        @let url = format!("{folder}/{}", octrees::encoded(name));
                         tr {
                             td { a href=(url) { (name) } }
                             td.num { (words::bytes(*bytes)) }

@@ -6,6 +6,7 @@ use maud::{Markup, html};
 use serde::Deserialize;
 
 use super::super::api::{self, JobView};
+use super::super::octrees;
 use super::super::refusal::ApiError;
 use super::super::session::Role;
 use super::super::shared::AppState;
@@ -71,20 +72,9 @@ fn address(base: &str, listing: &Listing, place: Option<&ListingCursor>) -> Stri
         pairs.push(("sort", order_name(listing.sort, listing.ascending)));
     }
     pairs.extend(place.map(|place| ("at", place.to_text())));
-    let query: Vec<String> = pairs.iter().map(|(key, value)| format!("{key}={}", encoded(value))).collect();
+    let query: Vec<String> =
+        pairs.iter().map(|(key, value)| format!("{key}={}", octrees::encoded_part(value))).collect();
     if query.is_empty() { format!("{base}/") } else { format!("{base}/?{}", query.join("&")) }
-}
-
-/// As a value in an address.
-pub(super) fn encoded(text: &str) -> String {
-    let mut encoded = String::new();
-    for byte in text.bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'~' | b'.' => encoded.push(byte as char),
-            _ => encoded.push_str(&format!("%{byte:02X}")),
-        }
-    }
-    encoded
 }
 
 pub(super) async fn page(
