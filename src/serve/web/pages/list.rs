@@ -303,7 +303,7 @@ fn row(base: &str, view: &JobView, now: Millis) -> Markup {
             td.name {
                 a href=(to) title=(job.name) { bdi { (job.name) } }
                 div.dim { (about(view)) }
-                @if view.stands() { a.look href=(viewer::url(base, &job.name)) aria-label={ "Look around in " (job.name) } { "Look around in 3D" } }
+                @if view.stands() { a.look href=(viewer::url(base, &job.name)) aria-label={ "Look around in 3D: " (job.name) } { "Look around in 3D" } }
             }
             td.state {
                 (parts::badge(view))
