@@ -4,7 +4,8 @@
 //! Only bytes and values are made here, from an octree that is open; who may ask for
 //! them and how long they are kept is `serve`'s. The browser's side is in
 //! `serve/web/pages/assets/viewer/`: `hierarchy.js` reads the pages, `nodes.js` the points,
-//! `selection.js` and `scene.js` do what `node_selection` and `scene` do for pictures.
+//! `selection.js` chooses nodes by the rule of `node_selection`. `scene.js` sizes points by
+//! an earlier form of the rule in `scene`: it does not know specks and crowds yet.
 
 pub mod attributes;
 pub mod description;
